@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -108,8 +109,19 @@ class DrapeDataset:
         """
         return self.table.copy()
 
+    def _place(self, i: int) -> int:
+        """A row's number from 0, of a whole number of any kind, such as a tensor of torch's samplers."""
+        try:
+            place = operator.index(i)
+        except TypeError as error:
+            what = f"a row must be one whole number, got {type(i).__name__}"
+            raise TypeError(f"{what}; choose several with `select` or torch.utils.data.Subset") from error
+        if not -len(self) <= place < len(self):
+            raise IndexError(f"row must be from {-len(self)} to {len(self) - 1}, got {place}")
+        return place % len(self)
+
     def _row(self, i: int) -> dict[str, Any]:
-        return {str(name): value for name, value in self.table.iloc[i].items()}
+        return {str(name): value for name, value in self.table.iloc[self._place(i)].items()}
 
     @property
     def cloths(self) -> list[str]:
@@ -123,7 +135,7 @@ class DrapeDataset:
         row = self._row(i)
         return {
             "image": self.image(i),
-            "index": i,
+            "index": self._place(i),
             **{name: row[name] for name in ("cloth", "side")},
             **{name: int(row[name]) for name in ("fabric", "sample", "capture", "observation")},
             **{name: float(row[name]) for name in ("areal_density", "thickness")},
@@ -165,7 +177,8 @@ class DrapeDataset:
         """
         image, mesh = self.image(i), self._row(i)["mesh"]
         profile = profile_of(image.numpy(), self.protocol)
-        return DrapeSample(image, profile, self.table.iloc[i], inside_root(self.root, mesh) if mesh else None)
+        row = self.table.iloc[self._place(i)]
+        return DrapeSample(image, profile, row, inside_root(self.root, mesh) if mesh else None)
 
     def select(self, **conditions: Any) -> DrapeDataset:
         """The part whose rows have the given values, e.g. `select(cloth="cotton_blue", sample=[1, 2])`.
@@ -208,7 +221,7 @@ class DrapeDataset:
 
         Args:
             protocol: One of `PROTOCOLS`.
-            cloths: Sets to split. By default all; with `paper`, the named sets alone if there are any.
+            cloths: Set or sets to split. By default all; with `paper`, the named sets alone if there are any.
             generator: Draws the training sample of sets that have no published one.
 
         Returns:

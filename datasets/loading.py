@@ -1,6 +1,7 @@
 """Loads a data set by its registered name, or from any folder in the same layout."""
 
 import logging
+import re
 from collections.abc import Collection
 from pathlib import Path
 
@@ -11,17 +12,19 @@ from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files.checksums import verify_checksums
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.files.fabrics import read_fabrics
-from cusick_bench.datasets.files.image import SUFFIXES
+from cusick_bench.datasets.files.image import SUFFIXES, UNREAD_SUFFIXES
 from cusick_bench.datasets.files.layout import NUMBER_ZERO, Layout, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.index import CORRECTIONS, Progress, Survey, build_index, survey
-from cusick_bench.datasets.registry import REGISTRY, folder_of, is_shipped
+from cusick_bench.datasets.registry import folder_of, is_name, is_shipped
 from cusick_bench.files.first_names import first_names
 
 _log = logging.getLogger(__name__)
 
 _REMEDIES = {"outside-link": "copy into the folder what it leads to", "no-permission": "change its mode"}
+
+_TABLE = re.compile(r"(fabrics?|protocol)\b.*\.(csv|json|xlsx?|ods)(\.txt)?", re.IGNORECASE)  # copies, too
 
 DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
 
@@ -67,7 +70,7 @@ def read_dataset(
 
     Args:
         name_or_path: `synthetic`, `cusick` (in the folder that the environment variable CUSICK_DATA names), or a
-            folder in the public release's layout.
+            folder in the public release's layout. A `Path` is always a folder, even one of such a name.
         correct: Known faults that are corrected; each correction is noted in the index. `pairing`: meshes go to the
             silhouettes that they fit. `rotation`: meshes are turned by quarter turns. `side`: faces are unknown
             where meshes contradict the capture numbers. `centre`: off-centre images are moved, so that scores
@@ -86,7 +89,7 @@ def read_dataset(
     root = folder_of(name_or_path)
     wanted = _corrections(correct)
     layout = scan(root)
-    name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
+    name = str(name_or_path) if is_name(name_or_path) else layout.root.name
     _require_text(layout, name)
     _tell_problems(layout)
     if is_shipped(layout.root):
@@ -95,12 +98,13 @@ def read_dataset(
     fabrics = read_fabrics(table) if table else {}
     described = layout.beside(PROTOCOL_FILE)
     protocol = read_protocol(described) if described else Protocol()
-    verified = str(name_or_path) == "synthetic"  # its meshes lie where they belong
+    verified = name_or_path == "synthetic"  # its meshes lie where they belong
     found = survey(layout, protocol, measure=strict or bool(wanted and not verified), progress=progress)
     if strict and found.faults:
         raise next(iter(found.faults.values()))
     _tell_copies(layout, found)
     _tell_unread(layout)
+    _tell_unread_tables(layout, [table and table.absolute(), described])
     applied = () if verified else wanted
     dataset = DrapeDataset(
         name, layout.root, protocol, applied, build_index(name, layout, protocol, fabrics, found, applied)
@@ -178,12 +182,27 @@ def _tell_same_numbers(root: Path, table: pd.DataFrame, found: Survey) -> None:
 
 def _tell_unread(layout: Layout) -> None:
     """Warns of pictures that are no part of the layout: a misspelt name would make a capture go missing unnoticed."""
+    read = {entry.path.rpartition(".")[0] for entry in layout.silhouettes}  # such as a capture in a second format
     pictures = [path for path in layout.unused if path.lower().endswith(SUFFIXES)]
+    pictures += [
+        path for path in layout.unused if path.lower().endswith(UNREAD_SUFFIXES) and path.rpartition(".")[0] not in read
+    ]
     if pictures:
         number = "1 picture is" if len(pictures) == 1 else f"{len(pictures)} pictures are"
         _log.warning(
-            "%s: %s not read, named or placed otherwise than the layout has it: %s; `cusick-bench data audit` lists "
-            "what is no part of the layout", layout.root, number, first_names(pictures),
+            "%s: %s not read, named, placed or stored otherwise than the layout has it: %s; `cusick-bench data audit` "
+            "lists what is no part of the layout", layout.root, number, first_names(sorted(pictures)),
+        )  # fmt: skip
+
+
+def _tell_unread_tables(layout: Layout, read: Collection[Path | None]) -> None:
+    """Warns of tables that are not where, or not called what, they have to be: other values are used without them."""
+    tables = [path for path in layout.unused if _TABLE.fullmatch(path.rpartition("/")[2])]
+    tables = [path for path in tables if layout.root / path not in read]
+    if tables:
+        _log.warning(
+            "%s: %s: not read, so no weight, size or scale in there is used; %s and %s are looked for in the data "
+            "set's folder, then in its folder `data`", layout.root, first_names(tables), FABRICS_FILE, PROTOCOL_FILE,
         )  # fmt: skip
 
 

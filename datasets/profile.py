@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
+from cusick_bench.datasets.errors import DataError
 from cusick_bench.sim.cloth.folds import FOLD_HARMONICS, FOLD_PROMINENCE, ring_folds
 from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 
 PROFILE_ANGLES = 720
+_ROUNDING = 1e-3  # by which coverage may leave [0, 1], as sums in short floats do
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,9 @@ def profile_from_image(
 
     Returns:
         The profile; 0 where a ray meets no cloth.
+
+    Raises:
+        DataError: No single image, or levels beyond [0, 1].
     """
     pixels = _as_array(image)
     padded = np.pad(pixels, 2)
@@ -185,6 +190,9 @@ def drape_coefficient(
 
     Returns:
         0 for a cloth that hangs vertically, 1 for one that stays flat.
+
+    Raises:
+        DataError: No single image, or levels beyond [0, 1].
     """
     area = float(_as_array(image).sum()) / pixels_per_metre**2
     return (area - np.pi * plate_radius**2) / (np.pi * (cloth_radius**2 - plate_radius**2))
@@ -221,4 +229,11 @@ def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Floa
 
 def _as_array(image: ndarray | torch.Tensor) -> Float[ndarray, "height width"]:
     pixels = image if isinstance(image, ndarray) else image.detach().cpu().numpy()
-    return np.asarray(pixels, dtype=np.float64) / (255 if pixels.dtype == np.uint8 else 1)
+    share = np.asarray(pixels, dtype=np.float64) / (255 if pixels.dtype == np.uint8 else 1)
+    if share.ndim != 2:
+        what = f"an image must have a height and a width, got the shape {share.shape}"
+        raise DataError(what, remedy="give the images of a batch one by one")
+    if share.size and not (share.min() >= -_ROUNDING and share.max() <= 1 + _ROUNDING):
+        what = f"coverage must be in [0, 1], got {share.min():g} to {share.max():g}"
+        raise DataError(what, remedy="divide levels by the largest that they can have; only bytes are read as 0 to 255")
+    return share

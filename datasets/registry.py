@@ -66,6 +66,18 @@ REGISTRY = {
 }
 
 
+def is_name(name_or_path: str | Path) -> bool:
+    """Whether a registered name is given: a `Path` is always a folder, even one of that name.
+
+    Args:
+        name_or_path: A name, or a folder.
+
+    Returns:
+        Whether it is one of `REGISTRY`.
+    """
+    return isinstance(name_or_path, str) and name_or_path in REGISTRY
+
+
 def folder_of(name_or_path: str | Path) -> Path:
     """Folder of a registered name, or the path itself.
 
@@ -78,7 +90,7 @@ def folder_of(name_or_path: str | Path) -> Path:
     Raises:
         DataNotFound: Neither a name nor a folder.
     """
-    if str(name_or_path) in REGISTRY:
+    if is_name(name_or_path):
         return REGISTRY[str(name_or_path)].folder()
     try:
         folder = Path(name_or_path).expanduser()

@@ -36,7 +36,7 @@ def split_rows(
     Args:
         table: Index of a data set.
         protocol: One of `PROTOCOLS`.
-        cloths: Sets to split; None for all that the protocol is for.
+        cloths: Set or sets to split; None for all that the protocol is for.
         generator: Draws the training sample of sets that have no published one.
 
     Returns:
@@ -46,7 +46,7 @@ def split_rows(
         raise DataError(f"unknown split {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
     present = list(dict.fromkeys(table["cloth"]))
     every = paper_cloths(present) if protocol == "paper" else present
-    chosen = every if cloths is None else list(dict.fromkeys(cloths))
+    chosen = every if cloths is None else [cloths] if isinstance(cloths, str) else list(dict.fromkeys(cloths))
     unknown = [cloth for cloth in chosen if cloth not in present]
     if unknown:
         hint = did_you_mean(unknown[0], present)

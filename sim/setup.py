@@ -178,7 +178,7 @@ class Setup:
             Positions in the camera's frame.
         """
         if self.side == "down":
-            vertices = vertices * torch.tensor([-1.0, 1.0, 1.0], dtype=vertices.dtype, device=vertices.device)
+            vertices = vertices * torch.tensor([-1.0, 1.0, 1.0]).to(vertices)
         for change in (*self.finish, *self.seen):
             vertices = change(vertices)
         return vertices

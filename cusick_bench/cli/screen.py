@@ -5,6 +5,7 @@ characters are written as escapes. If standard output is not a terminal, a table
 terminal (or COLUMNS) its words are folded first, then its headings, and then each row is stacked.
 """
 
+import errno
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -150,6 +151,16 @@ class Screen(Console):
             else:
                 text = in_encoding(harmless(segment.text), self.encoding)
                 yield segment if text == segment.text else Segment(text, segment.style)
+
+    def on_broken_pipe(self) -> None:
+        """The reader of the output has left; the command ends as it does where it prints without this console.
+
+        The console of rich would exit by itself, and silence `sys.stdout`, which is standard error in a command.
+
+        Raises:
+            BrokenPipeError: Always.
+        """
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
     def fitted(self, table: Table) -> Table:
         """The table as it fits into a line; no number is ever cut.

@@ -50,7 +50,7 @@ class Diagnosis:
         p: p-value of the base model: probability of at least so much evidence for any effect where none acts.
         probability: Probability that each effect, `none` or `unknown` accounts for most; these add up to 1.
         acting: Probability that each effect acts, alone or with others.
-        sets: Probability of each set of effects, the likeliest first.
+        sets: Probability of each set of effects, those of the laboratory included, the likeliest first.
         set90: The fewest of effects, `none` and `unknown` that hold 90 % of `probability`, and the named ones.
         effects: The named set, the likeliest first.
         groups: Look-alikes of which one acts beside the named set.
@@ -168,14 +168,14 @@ def diagnose(
         p=evidence.p,
         probability=found.leading,
         acting=_acting(of_laboratory, sets.posterior.effects),
-        sets=sets.posterior.sets,
+        sets={tuple(sorted({*of_laboratory, *names})): p for names, p in sets.posterior.sets.items()},
         set90=found.set90,
         effects=found.effects,
         groups=found.groups,
         causes=evidence.causes,
         intervals=parameter_intervals(sets.model.points, sets.posterior),
         best=evidence.best,
-        shared=tuple(one.hypothesis.name for one in shared),
+        shared=tuple(of_laboratory),
         budget=evidence.budget,
         novelty=evidence.novelty,
         misfit=sets.posterior.misfit,

@@ -12,6 +12,9 @@ Where tables come from, in this order:
   fit, since the disc's places have no counterpart on a skirt;
 - `spread`: a homogeneous cloth, every entry times exp(sd N(0, 1)) with a given sd.
 
+A fit with the effect `density-bias` holds for the weight that this effect gives the cloth, and the garment has that
+weight. Other effects stay behind.
+
 Tables are aligned with warp and weft, so they are the same numbers on any pattern. Of a fit's six samples of stretch
 stiffness only the one at rest is used, for every strain: a drape strains cloth by a few per cent and tells nothing
 about the others, which are at a stretch of a sixth. Their values from the prior may be so soft that the cloth becomes
@@ -21,6 +24,7 @@ References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Section 5.1.
 """
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,10 +40,12 @@ from cusick_bench.garment.redrawn import redrawn_tables
 from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
+from cusick_bench.problem.scene import parse_causes
 from cusick_bench.runner.cell import stored_posterior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, Law
+from cusick_bench.sim.effects.material.density_bias import DensityBias
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.solvers.registry import is_built_in
 
@@ -192,7 +198,7 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
         name,
         source,
         law_of_garment(law),
-        density,
+        _draped_density(record, density),
         tables["stretch"],
         tables["bending"],
         sds["stretch"],
@@ -208,16 +214,24 @@ def density_of_cell(folder: Path) -> float:
         folder: The cell's folder, with `cell.json` and `prediction.npz`.
 
     Returns:
-        Its mean over the cloth [kg/m2].
+        Its mean over the cloth [kg/m2]; under the effect `density-bias` not the one in the data's table.
 
     Raises:
         GarmentError: No such folder, a damaged file, or a predictor without stiffness.
     """
-    return _found_by(folder)[2]
+    record, _, density = _found_by(folder)
+    return _draped_density(record, density)
+
+
+def _draped_density(record: dict[str, Any], nominal: float) -> float:
+    """Areal density of the cloth that was draped, whose nominal one the prediction has [kg/m2]."""
+    causes = (record.get("settings") or {}).get("causes") or ()
+    biases = parse_causes([text for text in causes if str(text).partition(":")[0] == DensityBias.name])
+    return nominal * math.prod(1 + float(cause.effect.complete(cause.value)["bias"]) for cause in biases)
 
 
 def _found_by(folder: Path) -> tuple[dict[str, Any], dict[str, ndarray], float]:
-    """Record and arrays of a cell that has found stiffness, and its areal density [kg/m2]."""
+    """Record and arrays of a cell that has found stiffness, and its nominal areal density [kg/m2]."""
     record, arrays = _read_record(folder), _read_arrays(folder / "prediction.npz")
     missing = [name for name in ("stretch", "bending", "density") if name not in arrays]
     if missing:

@@ -201,7 +201,10 @@ class Fitting:
         moved, velocities = np.empty_like(x), np.zeros_like(x)
         reached = move(free, h, solution, carried, velocities, moved)
         if not (reached < _FAR * np.abs(self.skirt.start).max()).all():
-            raise DrapeDiverged(f"a skirt flies apart at {state.time:.2f} s; use a shorter step than {h} s")
+            remedy = "lay it flatter, or take less uneven cloth" if motion is STILL else "move the waist less or slower"
+            raise DrapeDiverged(
+                f"a skirt flies apart at {state.time:.2f} s; {remedy}; or, in Python, take shorter steps than {h} s"
+            )
         return State(moved, velocities + w, state.time + h), factor
 
     def _factor(self, blocks: ndarray, old: Factor | None) -> Factor:

@@ -10,6 +10,7 @@ DIR/motion.gif, motion.png          the first draw in motion
 DIR/summary.json                    the numbers
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,9 @@ from cusick_bench.sim.cloth.obj import write_obj
 
 _IN_ROW = 6
 _MOST_SHOWN = 12  # draws in one picture
+_WRITTEN = re.compile(
+    r"draw_\d{4,}(_above|_front)?\.(obj|png)|spread\.png|(turntable|motion)\.(gif|png)|motion\.npz|summary\.json"
+)
 
 
 def _save(path: Path, picture: ndarray) -> None:
@@ -35,6 +39,17 @@ def _save(path: Path, picture: ndarray) -> None:
 def _save_silhouette(path: Path, image: Float[ndarray, "size size"]) -> None:
     """Dark cloth on white, as the release has it."""
     Image.fromarray(np.round(255 * (1 - image)).astype(np.uint8)).save(path)
+
+
+def forget_skirts(folder: Path) -> None:
+    """Removes the files of an earlier fitting, which may have had more draws or a motion.
+
+    Args:
+        folder: Where it was written; other files in it stay.
+    """
+    for path in folder.iterdir():
+        if _WRITTEN.fullmatch(path.name):
+            path.unlink()
 
 
 def write_rest(

@@ -21,6 +21,7 @@ from cusick_bench.garment.skirt import KINDS, Skirt, SkirtSize
 from cusick_bench.sim.cloth.shape import smooth_field
 
 _LAYING_LENGTH = 0.08  # [m] correlation length of the height in which a skirt is put on
+_MOST_HEIGHT = 0.1  # [m] largest standard deviation of that height
 _CLOTH, _LAYING = 3, 4  # streams of random numbers
 
 Progress = Callable[[str, int, int], None]  # told what is done, the steps done, and of how many
@@ -41,7 +42,7 @@ class Wearing:
         seed: Seed of pattern, draws and heights.
 
     Raises:
-        GarmentError: No such kind, or no draws.
+        GarmentError: No such kind, no draws, or a height in which no skirt is put on.
     """
 
     kind: str = "circular"
@@ -58,6 +59,8 @@ class Wearing:
             raise GarmentError(f"a skirt must be one of {', '.join(KINDS)}, got {self.kind!r}")
         if self.draws < 1:
             raise GarmentError(f"the number of draws must be at least 1, got {self.draws}")
+        if not 0 <= self.laying_height <= _MOST_HEIGHT:
+            raise GarmentError(f"the laying height must be from 0 to {_MOST_HEIGHT:g} m, got {self.laying_height:g}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from cusick_bench.datasets import REGISTRY
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
-from cusick_bench.datasets.files.layout import scan
+from cusick_bench.datasets.files.layout import is_hidden, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.files.first_names import first_names
 from cusick_bench.identify.document import Preparation, Refused
@@ -50,7 +50,7 @@ def holds_photographs(folder: Path) -> bool:
     named = (path for path in folder.glob("**/[sS]il*") if path.name.lower().startswith(_SILHOUETTES))
     if marked or any(path.is_dir() for path in named):
         return False
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and not _is_hidden(path.relative_to(folder))]
     pictures = [path for path in files if path.suffix.lower() in SUFFIXES]
     if not pictures and any(path.suffix.lower() in UNREAD_SUFFIXES for path in files):
         return True  # to be refused as such
@@ -63,6 +63,11 @@ def holds_photographs(folder: Path) -> bool:
     if any(path.stem.lower().startswith(_RULERS) for path in pictures):
         return True
     return not _is_square(pictures[0])
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether a file is read as nothing at all, such as ._NAME, which macOS puts beside NAME."""
+    return path.name.startswith(".") or any(map(is_hidden, path.parts[:-1]))
 
 
 def _is_square(path: Path) -> bool:

@@ -230,7 +230,9 @@ class DrapeProblem:
             taus: Parameter vectors, one a row.
 
         Returns:
-            One observation for each vector that was affordable, the first ones; None where the drape fails.
+            One observation for each vector that was affordable, the first ones; None where the drape fails. A run that
+            goes on gets those that it had made before it was stopped; whether there is time for the others is asked
+            with them.
 
         Raises:
             BudgetExceeded: The budget does not allow for another drape.

@@ -117,7 +117,7 @@ class Scene:
         Returns:
             Turned positions [m].
         """
-        return vertices if self.side == "up" else vertices * _MIRROR
+        return vertices if self.side == "up" else vertices * _MIRROR.to(vertices)
 
     def profile(self, radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, " angles"]:
         """Turns a radius profile to the frame of the simulated cloth.

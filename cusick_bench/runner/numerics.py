@@ -84,9 +84,10 @@ def cell_numerics(
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
-        if drape.mode == "equilibrium":
+        acting = [parse(cause).effect for cause in causes]
+        if drape.mode == "equilibrium" or any(one.kind == "contact" for one in acting):  # contact is known at rest only
             versions["branch"] = followed_branch.NUMERICS_VERSION
-        versions |= _effect_versions(parse(cause).effect for cause in causes)
+        versions |= _effect_versions(acting)
     if both_faces:
         versions["both faces"] = BOTH_FACES
     if repeats:

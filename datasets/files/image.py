@@ -15,13 +15,15 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from PIL import Image
+from PIL import ExifTags, Image
 
 from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
 from cusick_bench.sim.constants import IMAGE_SIZE
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
+UNREAD_SUFFIXES = (".webp", ".gif", ".heic", ".heif", ".avif", ".jfif", ".jp2", ".jxl", ".tga", ".pbm", ".pgm", ".ppm")
+"""Pictures in formats that are not read."""
 _FORMATS = ("JPEG", "PNG", "BMP", "TIFF")
 _MODES = ("1", "L", "P", "LA", "RGB", "RGBA", "CMYK", "I", "I;16", "I;16B", "F", "YCbCr")
 _TRANSPARENT = {("PNG", "LA"), ("PNG", "P"), ("PNG", "RGB"), ("PNG", "RGBA")}  # elsewhere OpenCV loses transparency
@@ -61,7 +63,7 @@ def inspect(path: Path, protocol: Protocol) -> tuple[Float[ndarray, "size size"]
     Returns:
         What `read_silhouette` gives; and whether the channels differ by more than compression explains.
     """
-    levels = _decode(path, protocol.image_size_px)
+    levels = _decode(path, protocol)
     image = coverage(levels, protocol.foreground)
     _check(image, levels, path)
     return image, levels.ndim == 3 and int(np.ptp(levels.astype(int), axis=2).max()) > _COLOUR_STEP
@@ -86,9 +88,9 @@ def _bad(path: Path, kind: str, what: str, remedy: str) -> BadImage:
     return BadImage(what, where=path, remedy=remedy, kind=kind)
 
 
-def _decode(path: Path, size: int) -> ndarray:
+def _decode(path: Path, protocol: Protocol) -> ndarray:
     """Grey levels 0..255 (size, size), or three channels, red first, if they differ."""
-    replace = "replace it by the original image or remove it"
+    size, replace = protocol.image_size_px, "replace it by the original image or remove it"
     try:
         content = _content(path, size, replace)
         with _silent_opencv():
@@ -103,7 +105,9 @@ def _decode(path: Path, size: int) -> ndarray:
         raise _bad(path, "unreadable-image", f"cannot be decoded ({error})", replace) from error
     if levels is None or levels.shape[:2] != (size, size):
         raise _bad(path, "unreadable-image", "cannot be decoded (damaged or cut short)", replace)
-    return _levels(levels)
+    if not np.isfinite(levels).all():  # such as ImageJ's background of NaN
+        raise _bad(path, "unreadable-image", "holds levels that are no numbers", "save it as a grey or RGB image")
+    return _levels(levels, 255.0 if protocol.foreground == "dark" else 0.0)
 
 
 def _content(path: Path, size: int, replace: str) -> bytes:
@@ -118,10 +122,16 @@ def _content(path: Path, size: int, replace: str) -> bytes:
             mode, transparent = image.mode, "A" in image.getbands() or "transparency" in image.info
             form = str(image.format)
             pictures = int(getattr(image, "n_frames", 1)) if form in ("PNG", "TIFF") else 1
+            turn = image.getexif().get(ExifTags.Base.Orientation, 1) if form == "TIFF" else 1  # OpenCV turns TIFF alone
     if width * height > _MAXIMUM_PIXELS:
         raise _bad(path, "image-too-large", f"{width} x {height} pixels are no silhouette", replace)
     if pictures > 1:
         raise _bad(path, "unreadable-image", f"holds {pictures} pictures, not one", "save the silhouette alone")
+    if turn in range(2, 9):
+        raise _bad(
+            path, "unreadable-image", f"is to be turned or mirrored, by its header (orientation {turn})",
+            "turn the pixels themselves, or save it as PNG",
+        )  # fmt: skip
     if (width, height) != (size, size):
         raise _bad(
             path,
@@ -148,17 +158,17 @@ def _silent_opencv() -> Iterator[None]:
         cv2.utils.logging.setLogLevel(level)
 
 
-def _levels(decoded: ndarray) -> ndarray:
-    """Grey levels 0..255, or three channels, red first, if they differ."""
+def _levels(decoded: ndarray, paper: float) -> ndarray:
+    """Grey levels 0..255, or three channels, red first, if they differ; `paper` is that of what is transparent."""
     levels = decoded
     if decoded.dtype != np.uint8:  # 16 bit or more: scale by the type's range
         levels = decoded.astype(np.float64)
         levels = levels * (255.0 / (65535.0 if levels.max() > 255 else 255.0))
     if levels.ndim == 2:
         return levels
-    if levels.shape[2] == 4:  # on white, as paper
+    if levels.shape[2] == 4:
         opacity = levels[..., 3:] / 255.0
-        levels = np.round(opacity * levels[..., :3] + (1.0 - opacity) * 255.0)
+        levels = np.round(opacity * levels[..., :3] + (1.0 - opacity) * paper)
     same = (levels == levels[..., :1]).all()
     return levels[..., 0] if same else levels[..., ::-1]  # OpenCV's order is blue, green, red
 
@@ -170,10 +180,6 @@ def _check(image: ndarray, levels: ndarray, path: Path) -> None:
         raise _uniform(path, "empty-image", "shows no cloth, all is background", levels)
     if cloth.all():
         raise _uniform(path, "full-image", "shows no background, all is cloth", levels)
-    if corners.all():
-        raise _bad(
-            path, "inverted-image", "all four corners are cloth", 'set "foreground" in protocol.json, or invert it'
-        )
     areas = _areas(cloth)
     if len(areas) > 1 and areas[1] > _SECOND_BLOB * areas[0]:
         raise _bad(
@@ -181,6 +187,10 @@ def _check(image: ndarray, levels: ndarray, path: Path) -> None:
             "two-blobs",
             f"must show one cloth, found {len(areas)} separate objects of {areas[0]} and {areas[1]} pixels",
             "erase what is not the cloth",
+        )
+    if corners.all():  # not of a frame around the cloth, which is a second object
+        raise _bad(
+            path, "inverted-image", "all four corners are cloth", 'set "foreground" in protocol.json, or invert it'
         )
 
 

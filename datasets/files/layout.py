@@ -9,11 +9,11 @@ its capture; its folder decides its fabric and sample. Folders above the data de
 import os
 import re
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cusick_bench.datasets.errors import DataError, DataNotFound
-from cusick_bench.datasets.files import image
+from cusick_bench.datasets.files import fabrics, image, protocol
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.sim.cloth import obj
 
@@ -79,7 +79,7 @@ class Layout:
     Attributes:
         root: The folder, resolved.
         silhouettes, meshes: Sorted by cloth, sample, capture, observation.
-        unused: Other files, relative paths.
+        unused: Other files, relative paths; tables too that lie elsewhere than `beside` looks.
         folders: Folders that hold silhouettes or meshes, or folders of these, relative paths.
         problems: What could not be looked at.
     """
@@ -161,6 +161,18 @@ def is_fabric_folder(name: str) -> bool:
     return re.fullmatch(r"Fabric \d+( Observations)?", name) is not None
 
 
+def is_hidden(folder: str) -> bool:
+    """Whether nothing in a folder belongs to the data: hidden ones, `__MACOSX`, and thumbnails of a Synology disk.
+
+    Args:
+        folder: Its name.
+
+    Returns:
+        True for such a folder.
+    """
+    return folder.startswith((".", "__")) or folder == "@eaDir"
+
+
 def scan(root: str | Path) -> Layout:
     """Lists a folder's silhouettes and meshes; links are not followed out of it.
 
@@ -185,7 +197,7 @@ def scan(root: str | Path) -> Layout:
     if not os.access(folder, os.R_OK | os.X_OK):
         raise DataNotFound("may not be read", where=folder, remedy="change its mode", kind="no-permission")
     problems: list[Irregularity] = []
-    silhouettes, meshes, unused = [], [], []
+    silhouettes, meshes, unused, tables = [], [], [], []
     for path in _files(folder, problems):
         name = path.name.lower()
         known = name.endswith(image.SUFFIXES + obj.SUFFIXES)
@@ -194,7 +206,9 @@ def scan(root: str | Path) -> Layout:
             where = path.relative_to(folder).as_posix()
             problems.append(Irregularity(where, NUMBER_ZERO, "a number is 0, and numbers begin at 1"))
         elif entry is None:
-            if not _SIDE_FILES.fullmatch(path.name):
+            if name in (fabrics.FILE, protocol.FILE):
+                tables.append(path)
+            elif not _SIDE_FILES.fullmatch(path.name):
                 unused.append(path.relative_to(folder).as_posix())
         elif name.endswith(image.SUFFIXES):
             silhouettes.append(entry)
@@ -207,14 +221,19 @@ def scan(root: str | Path) -> Layout:
             remedy="expected e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.jpg`",
         )
     used = {parent for entry in (*silhouettes, *meshes) for parent in Path(entry.path).parents if parent.name}
-    return Layout(
+    layout = Layout(
         folder,
         tuple(sorted(silhouettes, key=_order)),
         tuple(sorted(meshes, key=_order)),
-        tuple(sorted(unused)),
+        (),
         tuple(sorted(parent.as_posix() for parent in used)),
         tuple(problems),
     )
+    for path in tables:
+        read = layout.beside(path.name.lower())
+        if read is None or read.parent != path.parent:
+            unused.append(path.relative_to(folder).as_posix())
+    return replace(layout, unused=tuple(sorted(unused)))
 
 
 def _files(folder: Path, problems: list[Irregularity]) -> list[Path]:
@@ -229,7 +248,7 @@ def _files(folder: Path, problems: list[Irregularity]) -> list[Path]:
         for name in [name for name in folders if Path(parent, name).is_symlink()]:
             where = Path(parent, name).relative_to(folder).as_posix()
             problems.append(Irregularity(where, "outside-link", "linked folder is not followed"))
-        folders[:] = sorted(name for name in folders if not name.startswith((".", "__")))
+        folders[:] = sorted(name for name in folders if not is_hidden(name))
         for name in sorted(names):
             path = Path(parent, name)
             if name.startswith("."):

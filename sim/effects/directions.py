@@ -35,8 +35,8 @@ def leaned(
     Returns:
         Positions [m].
     """
-    cosine, sine = unit(degrees)
-    along = unit(direction)
+    cosine, sine = unit(degrees).to(points)
+    along = unit(direction).to(points)
     u, z = points[:, :2] @ along, points[:, 2]
     moved = (u * (cosine - 1) + z * sine)[:, None] * along
     return torch.column_stack([points[:, :2] + moved, z * cosine - u * sine])

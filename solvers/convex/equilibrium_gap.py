@@ -119,6 +119,8 @@ class EquilibriumGap(Solver):
             )
         if drape.material is None:
             raise SolverError(self._without_reference(drape, settings.plate_radius))
+        if settings.support == "springs":  # whose pull is not known: vertices on the plate then count as held
+            settings = replace(settings, support="fixed", clamp="whole")
         try:
             simulator = DrapeSimulator(Mesh(drape.material, drape.faces), settings)
         except SimulationError as error:

@@ -54,6 +54,13 @@ def test_every_part_is_kept_once_it_is_measured(monkeypatch):
     }
 
 
+def test_tables_do_not_replace_the_document_of_the_same_name(tmp_path):
+    done = CliRunner().invoke(app, ["benchmark", "--out", str(tmp_path / "b.md")], env={"COLUMNS": "400"})
+    assert done.exit_code == 2
+    assert "the tables would replace the document" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_interrupted_benchmark_says_where_its_parts_lie(stopped_at_the_second_mesh, tmp_path):
     out = tmp_path / "parts" / "benchmark.json"
     done = CliRunner().invoke(app, ["benchmark", "--out", str(out)], env={"COLUMNS": "400"})

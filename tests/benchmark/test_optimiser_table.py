@@ -1,6 +1,7 @@
 """The table of optimisers on test functions: runs are kept, never made twice, and read honestly."""
 
 import json
+import shlex
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -111,6 +112,16 @@ def test_one_run_of_a_published_method_is_too_few_to_compare():
     text = markdown_table(rows)
     assert "too few runs to compare: sobol" in text
     assert "nothing is published" not in text
+
+
+def test_the_tables_command_can_be_typed_again_and_one_run_has_no_error(tmp_path, monkeypatch):
+    words = ["optimisers", "--runs", "1", "--solver", "sobol", "--out", str(tmp_path / "a folder")]
+    monkeypatch.setattr("sys.argv", ["cusick-bench", *words])
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert "nan" not in result.stdout
+    page = (tmp_path / "a folder" / "optimisers.md").read_text()
+    assert f"Last command: `{shlex.join(['cusick-bench', *words])}`" in page
 
 
 def test_command_adds_to_one_table(tmp_path):

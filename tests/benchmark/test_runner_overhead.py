@@ -11,9 +11,11 @@ from cusick_bench.cli import app
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def test_command_measures_trivial_cells():
-    found = CliRunner().invoke(app, ["benchmark", "--runner-cells", "40", "--json"])
+def test_command_measures_trivial_cells(tmp_path):
+    out = tmp_path / "new" / "runner.json"
+    found = CliRunner().invoke(app, ["benchmark", "--runner-cells", "40", "--out", str(out), "--json"])
     assert found.exit_code == 0, found.output
+    assert json.loads(out.read_text()) == json.loads(found.stdout)
     measured = json.loads(found.stdout)["runner"]
     assert measured["cells"] == 40
     assert all(measured[name] > 0 for name in ("wall_ms", "processor_ms", "again_ms", "memory_early_mib"))

@@ -151,6 +151,24 @@ def test_a_reader_that_leaves_early_is_no_error_of_a_folder():
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_a_reader_that_has_left_ends_tables_and_json_alike(form):
+    """Not as a wrong usage, with exit status 2, and without a word on it."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "cusick_bench", "effects", *form],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
 def test_an_error_without_a_file_names_none(capsys):
     """Writing to a file that is open already tells no name."""
 

@@ -151,6 +151,46 @@ def test_pixels_are_read_as_they_are_stored(tmp_path):
     np.testing.assert_allclose(read_silhouette(tmp_path / "drape.png"), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("level", [np.nan, np.inf])
+def test_levels_that_are_no_numbers_are_refused(tmp_path, level):
+    """ImageJ marks background as NaN: the drape coefficient of the whole fabric was NaN, without a word."""
+    levels = np.where(DRAPE >= 0.5, 0, 255).astype(np.float32)
+    levels[:3, :3] = level
+    Image.fromarray(levels).save(tmp_path / "drape.tif")
+    with pytest.raises(BadImage, match="holds levels that are no numbers; save it as a grey or RGB image"):
+        read_silhouette(tmp_path / "drape.tif")
+
+
+@pytest.mark.parametrize("turn", [3, 6])
+def test_a_tiff_file_that_is_to_be_turned_is_refused(tmp_path, turn):
+    """OpenCV turns it, and only it: the same picture as JPEG had another warp."""
+    grey = Image.fromarray(np.round(255 * (1 - DRAPE)).astype(np.uint8))
+    grey.save(tmp_path / "upright.tif", tiffinfo={0x112: 1})
+    assert np.abs(read_silhouette(tmp_path / "upright.tif") - DRAPE).max() < 0.004
+    grey.save(tmp_path / "turned.tif", tiffinfo={0x112: turn})
+    with pytest.raises(BadImage, match=rf"\(orientation {turn}\); turn the pixels themselves"):
+        read_silhouette(tmp_path / "turned.tif")
+
+
+@pytest.mark.parametrize(("foreground", "level"), [("dark", 0), ("light", 255)])
+def test_transparent_parts_are_background(tmp_path, foreground, level):
+    """A light cloth on nothing was said to be all cloth."""
+    opacity = np.round(255 * DRAPE).astype(np.uint8)
+    Image.fromarray(np.dstack([np.full_like(opacity, level)] * 3 + [opacity])).save(tmp_path / "drape.png")
+    image = read_silhouette(tmp_path / "drape.png", Protocol(foreground=foreground))
+    assert np.abs(image - DRAPE).max() < 0.004
+
+
+def test_a_frame_is_told_as_an_object_and_not_as_an_inverted_image(tmp_path):
+    """The advice to set `foreground` made a cloth of what lies between frame and cloth."""
+    framed = DRAPE.copy()
+    framed[[0, -1]] = framed[:, [0, -1]] = 1
+    write_image(tmp_path / "framed.png", framed)
+    with pytest.raises(BadImage, match=r"2 separate objects .* erase what is not the cloth") as caught:
+        read_silhouette(tmp_path / "framed.png")
+    assert caught.value.kind == "two-blobs"
+
+
 def test_specks_are_forgiven_and_grey_colour_and_alpha_are_read_alike(tmp_path):
     grey = np.round(255 * (1 - DRAPE)).astype(np.uint8)
     plain = Image.fromarray(grey)

@@ -6,12 +6,13 @@ import pickle
 import shutil
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from PIL import Image
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader, Dataset, Subset, SubsetRandomSampler
 from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
 
 from cusick_bench.datasets import DataError, load
@@ -20,6 +21,7 @@ from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.registry import REGISTRY
+from cusick_bench.datasets.torch_dataset import TorchDrapeDataset
 
 PIXEL = 1 / 723
 
@@ -99,6 +101,32 @@ def test_works_with_torch_and_pickle(toy):
     copy = pickle.loads(pickle.dumps(dataset))
     assert copy.content_hash == dataset.content_hash
     assert torch.equal(copy[3]["image"], dataset[3]["image"])
+
+
+def test_rows_are_whole_numbers_of_any_kind(toy):
+    """Samplers of torch give tensors, and a row counted from the end was told as -1."""
+    dataset = load(toy)
+    chosen = torch.tensor([4, 9])
+    assert [int(item["index"]) for item in (dataset[torch.tensor(4)], dataset[np.int64(4)], dataset[-8])] == [4, 4, 4]
+    assert {type(dataset[i]["index"]) for i in (4, -8, np.int64(4), torch.tensor(4))} == {int}
+    assert [Subset(dataset, chosen)[i]["sample"] for i in (0, 1)] == [2, 3]
+    sampler = SubsetRandomSampler(chosen, generator=torch.Generator())
+    batch = next(iter(DataLoader(dataset, batch_size=2, sampler=sampler, generator=torch.Generator())))
+    assert sorted(batch["index"].tolist()) == [4, 9]
+    assert torch.equal(dataset.image(torch.tensor(-1)), dataset.image(11))
+    assert dataset.sample(-1).row["capture"] == 4
+    assert len(list(dataset)) == 12
+    with pytest.raises(IndexError, match="row must be from -12 to 11, got 12"):
+        dataset[12]
+    for several in (slice(0, 2), [0, 1]):
+        with pytest.raises(TypeError, match=r"choose several with `select` or torch\.utils\.data\.Subset"):
+            dataset[several]
+
+
+def test_the_torch_data_set_promises_the_items_that_it_gives(toy):
+    """It promised samples: type checkers let `.image` of a dictionary pass."""
+    assert Dataset[dict[str, Any]] in vars(TorchDrapeDataset)["__orig_bases__"]
+    assert isinstance(load(toy)[0], dict)
 
 
 @pytest.mark.parametrize("root", [".", "data", "data/Fabric 7"])
@@ -386,6 +414,9 @@ def test_splits_elsewhere(toy):
         dataset.split("random")
     with pytest.raises(DataError, match="unknown cloth silk; use one of fabric_7"):
         dataset.split("paper", ["silk"])
+    assert dataset.split("paper", "fabric_7") == [paper]  # was an unknown cloth f, a, b, r, i, c
+    with pytest.raises(DataError, match="unknown cloth silk; use one of fabric_7"):
+        dataset.split("paper", "silk")
     with pytest.raises(DataError, match="at least 2 samples"):
         dataset.select(sample=1).split()
 
@@ -471,6 +502,17 @@ def test_names(monkeypatch, toy):
         load(toy, correct=("colour",))
 
 
+def test_a_path_is_a_folder_even_one_with_the_name_of_a_data_set(toy, monkeypatch):
+    """The shipped set was loaded instead."""
+    monkeypatch.chdir(toy.parent)
+    toy.rename("synthetic")
+    dataset = load(Path("synthetic"))
+    assert dataset.root == toy.parent / "synthetic"
+    assert dataset.cloths == ["fabric_7"]
+    assert audit(Path("synthetic")).silhouettes == 12
+    assert load("synthetic").root != dataset.root
+
+
 def test_measuring_survives_any_cache(toy, monkeypatch, tmp_path):
     expected = load(toy).index
     blocked = tmp_path / "file"
@@ -505,6 +547,50 @@ def test_pictures_outside_the_layout_are_told(toy, caplog):
     first = ", ".join(f"{folder}/Fabric_7_Smaple_2_Capture_{capture}.png" for capture in (1, 2, 3))
     assert told.startswith(f"{toy}: 4 pictures are not read, ")
     assert f": {first}, ...; `cusick-bench data audit`" in told
+
+
+@pytest.mark.parametrize("suffix", [".webp", ".gif"])
+def test_pictures_in_other_formats_are_told(toy, caplog, suffix):
+    """A capture in a format that is not read went missing, and only the audit said so."""
+    first, second = image_path(toy, 1, 1), image_path(toy, 2, 1)
+    shutil.copy(first, first.with_suffix(suffix))  # beside one that is read
+    assert len(load(toy)) == 12
+    assert not caplog.messages
+    second.rename(second.with_suffix(suffix))
+    assert len(load(toy)) == 11
+    (told,) = caplog.messages
+    assert told.startswith(f"{toy}: 1 picture is not read, ")
+    assert f"Fabric_7_Sample_2_Capture_1{suffix}; `cusick-bench data audit`" in told
+
+
+@pytest.mark.parametrize(
+    "table",
+    ["data/Fabric 7/protocol.json", "data/Fabric 7/silhouettes/Fabrics.csv", "data/fabrics.csv", "protocol.json.txt",
+     "fabrics.xlsx", "protocol (1).json"],
+)  # fmt: skip
+def test_tables_that_are_not_read_are_told(toy, caplog, table):
+    """Pictures were measured by the release's scale although their own stood beside them."""
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    (toy / "protocol.json").write_text('{"gravity_m_s2": 9.81}')
+    load(toy)
+    assert not caplog.messages
+    (toy / table).write_text('{"px_per_m": 700}')
+    load(toy)
+    (told,) = caplog.messages
+    assert told.startswith(f"{toy}: {table}: not read, so no weight, size or scale in there is used; ")
+    unused = [one for one in audit(toy).irregularities if one.kind == "unused-file"]
+    assert [one.detail.endswith(f": {table.rpartition('/')[2]}") for one in unused] == [True]
+    caplog.clear()
+    load(toy, fabrics_csv=toy / "fabrics.csv")
+    assert len(caplog.messages) == 1
+
+
+def test_thumbnails_of_a_network_disk_are_no_pictures(toy, caplog):
+    thumbnails = toy / "data/Fabric 7/silhouettes/@eaDir/Fabric_7_Sample_1_Capture_1.png"
+    thumbnails.mkdir(parents=True)
+    shutil.copy(image_path(toy, 1, 1), thumbnails / "SYNOPHOTO_THUMB_M.png")
+    assert len(load(toy)) == 12
+    assert not caplog.messages
 
 
 @pytest.mark.parametrize("root", [".", "data", "data/Fabric 1"])

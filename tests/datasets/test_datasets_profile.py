@@ -7,7 +7,7 @@ import pytest
 import torch
 from toy_cloths import draw, surface, wavy_profile
 
-from cusick_bench.datasets import load
+from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.files.hanging_line import rim_depth
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
@@ -59,6 +59,18 @@ def test_bytes_are_read_as_metrics_read_them():
     image = np.round(255 * draw(wavy_profile(6))).astype(np.uint8)
     assert np.array_equal(profile_from_image(image).radii, profile_from_image(image / 255).radii)
     assert drape_coefficient(image) == drape_coefficient(image / 255)
+
+
+@pytest.mark.parametrize("levels", [np.int64, np.uint16, np.float32])
+def test_levels_other_than_bytes_are_refused(levels):
+    """A drape coefficient of 195 for levels 0 to 255, and radii that were 2 % too large."""
+    image = np.round(255 * draw(wavy_profile(6))).astype(levels)
+    for measure in (profile_from_image, drape_coefficient):
+        with pytest.raises(DataError, match=r"coverage must be in \[0, 1\], got 0 to 255; divide"):
+            measure(image)
+        measure(image / np.float32(255))
+        with pytest.raises(DataError, match=r"must have a height and a width, got the shape .* one by one"):
+            measure(np.stack([image, image]) / 255)
 
 
 def test_the_outermost_edge_counts_and_no_cloth_is_zero():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets import load
-from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
+from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.observation import silhouette
@@ -199,6 +199,30 @@ def test_an_effect_that_explains_a_cloth_at_the_end_of_the_atlas_is_no_reason_to
         domain_doubts(emulator, fabric.features, at, np.zeros_like(shift))
 
 
+@pytest.mark.parametrize(
+    ("bending", "coverage", "said"),
+    [
+        (LOW[0], -0.05, "this cloth is limper than any of the atlas"),
+        (LOW[0], 0.2, "its drape coefficient is that of a stiffer one"),
+        (HIGH[0], 0.2, "this cloth is stiffer than any of the atlas"),
+        (HIGH[0], -0.2, "its drape coefficient is that of a limper one"),
+    ],
+)
+def test_a_cloth_is_called_limper_than_the_atlas_only_where_it_drapes_so(
+    emulator: Emulator, bending: float, coverage: float, said: str
+) -> None:
+    """An outline without folds may be nearest to the limpest cloth, though a middling one covers as much."""
+    theta = PRIOR_MEAN.copy()
+    theta[0] = bending
+    specimens, drift = drawn_fabric(emulator, np.random.default_rng(0))
+    seen = specimens - emulator.mean(THETA) + emulator.mean(theta)
+    seen[..., NAMES.index("area_dc")] += coverage
+    fabric = fabric_of(emulator, seen, drift)
+    at = fabric.against(start=theta, fixed=True)
+    with pytest.raises(Refused, match=said):
+        domain_doubts(emulator, fabric.features, at, np.zeros(len(at.kept)))
+
+
 def test_an_effect_many_times_as_strong_as_usual_is_to_be_measured(emulator: Emulator) -> None:
     offset = next(one for one in hypotheses(emulator) if one.name == "camera-offset")
     assert not unusual([Candidate(offset, {"shift": 6e-3, "direction": 0.0})])
@@ -252,6 +276,16 @@ def test_patch_is_found_where_it_is(emulator: Emulator) -> None:
     first, last = spot.angle
     assert (200.0 - first) % 360 <= last - first
     assert place(None, residual.white, made).localisable is False
+
+
+def test_a_patch_whose_place_is_not_told_says_why(emulator: Emulator) -> None:
+    residual = residual_of(emulator, *drawn_fabric(emulator, np.random.default_rng(8)))
+    patch = next(one for one in hypotheses(emulator) if one.name == "local-mass-patch")
+    cause = Candidate(patch, {"mass": 2.0, "direction": 200.0, "radius": 0.13, "size": 0.02})
+    nothing = np.zeros_like(residual.white)  # nothing is left that a patch at any place could explain
+    spot = place(cause, nothing, detectable_grids(emulator, residual))
+    assert (spot.kind, spot.localisable) == ("patch", False)
+    assert "the map is nearly as wide as under noise" in spot.why_not
 
 
 def test_advice_is_the_entropy_of_its_partition() -> None:
@@ -333,7 +367,7 @@ def test_little_data_gets_what_is_possible(emulator: Emulator, one_thread: None)
     whole = simulated_captures(samples=3)
     found = diagnose(whole.select((whole.side == "up") & (whole.capture == 1)), emulator, options=Options(samples=0))
     assert found.verdict in (NONE, "ambiguous", UNKNOWN)
-    assert any("samples" in note for note in found.notes)
+    assert any("natural variability is mostly the model's" in note for note in found.notes)
     assert any("one face" in note for note in found.notes)
     assert any("creep cannot be told from bending-friction" in note for note in found.notes)
     with pytest.raises(Refused, match="at least 2 samples, simulated has 1"):
@@ -391,6 +425,23 @@ def test_a_headline_says_what_acts_and_what_is_left(emulator: Emulator) -> None:
     )  # fmt: skip
     assert "camera-offset (90%), creep (70%), and one of cut-size, threshold" in said
     assert said.endswith("Unexplained of the gap on unseen samples: 25%.")
+    groups = (("camera-offset", "plate-tilt"), ("cut-size", "threshold"))
+    said = headline(
+        replace(found, verdict="ambiguous", effects=(), groups=groups, probability=doubtful, set90=sum(groups, ()))
+    )
+    assert said.startswith("Several effects act together")
+    assert "one of camera-offset, plate-tilt, and one of cut-size, threshold." in said
+
+
+def test_a_set_of_effects_holds_those_of_the_laboratory(emulator: Emulator) -> None:
+    captures = simulated_captures("camera-offset", 4e-3, samples=3)
+    offset = next(one for one in hypotheses(emulator) if one.name == "camera-offset" and one.frame == "lab")
+    shared = (Candidate(offset, {"shift": 4e-3, "direction": 0.0}),)
+    others = tuple({one.name for one in hypotheses(emulator)} - {"camera-offset", "plate-slip"})  # to save time
+    found = diagnose(captures, emulator, options=Options(samples=0, without=others), shared=shared)
+    assert found.shared == ("camera-offset",)
+    assert sum(found.sets.values()) == pytest.approx(1)
+    assert all("camera-offset" in names for names in found.sets)
 
 
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:

@@ -288,6 +288,19 @@ def test_another_weight_leaves_what_a_drape_tells(cell: Path, tmp_path: Path):
     assert "The result is of a cloth" not in (tmp_path / "as-fitted" / "README.md").read_text()
 
 
+def test_a_fit_of_a_heavier_cloth_than_stated_keeps_that_weight(cell: Path):
+    """Its stiffness is that of the cloth that was draped."""
+    causes = ["off-centre:shift=0.002,direction=0", "density-bias:bias=0.5"]
+    for name in ("cell.json", "result.json"):
+        record = json.loads((cell / name).read_text())
+        record["settings"] = record["settings"] | {"causes": causes}
+        (cell / name).write_text(json.dumps(record))
+    found = read_material(cell)
+    assert found.density == pytest.approx(0.3)  # the table says 0.2
+    assert found.bending == FABRIC.bending
+    assert found.solver == "homo + off-centre:shift=0.002,direction=0 + density-bias:bias=0.5"
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -84,6 +84,19 @@ def test_the_same_skirt_of_every_cloth_is_compared(run: Path):
     ]
 
 
+def test_the_page_of_skirts_speaks_of_skirts_and_of_pictures_that_are_there(run: Path):
+    """Without scripts or WebGL a reader is sent to pictures."""
+    assert _compare(str(run), *STILL).exit_code == 0
+    folder = run / "garments"
+    text = (folder / "garments.html").read_text()
+    words = " ".join(" ".join(Page(text).words).split())
+    assert "Drape" not in words
+    assert "stand below" not in words
+    assert 'data-before="Draw "' in text  # a screen reader says "Draw 0 on limp", not "0 on limp"
+    assert "side_by_side.png beside this page has pictures" in words
+    assert (folder / "side_by_side.png").exists()
+
+
 def test_a_motion_is_not_asked_of_skirts_that_stand_still(run: Path):
     result = _compare(str(run), *STILL, "--motion", "turn")
     assert result.exit_code == 2

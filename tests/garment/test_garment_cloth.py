@@ -1,5 +1,6 @@
 """What a garment is made of: draws about a median, and cloths of fits."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,6 +45,17 @@ def test_tables_of_law_plate_hang_by_law_paper(found_by: str, hangs_by: str, tmp
     cloth = cloth_of_cell(skirt_cell(tmp_path / "a", law=found_by))
     assert cloth.law == hangs_by
     np.testing.assert_array_equal(cloth.bending, np.full((1, 3, 5), 2e-5))
+
+
+def test_a_cloth_that_was_draped_heavier_than_stated_is_worn_as_heavy(tmp_path: Path):
+    folder = skirt_cell(tmp_path / "cell", **learned_posterior())
+    plain = cloth_of_cell(folder)
+    record = json.loads((folder / "cell.json").read_text())
+    record["settings"]["causes"] = ["camera-scale:scale=0.01", "density-bias:bias=0.5"]
+    (folder / "cell.json").write_text(json.dumps(record))
+    heavier = cloth_of_cell(folder)
+    assert heavier.density == pytest.approx(1.5 * plain.density)
+    np.testing.assert_array_equal(heavier.bending, plain.bending)
 
 
 def test_a_result_of_an_unknown_law_is_refused(tmp_path: Path):

@@ -84,9 +84,27 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         (["--from", "nowhere", "--stretch", "300"], "--stretch is about a cloth given by numbers; leave it out"),
         (["--from", "nowhere", "--shear", "60"], "--shear is about a cloth given by numbers"),
         ([*NUMBERS, "--dynamic", "--period", "0"], "period and duration > 0"),
+        ([*NUMBERS, "--laying-height", "5"], "the laying height must be from 0 to 0.1 m, got 5"),
+        ([*NUMBERS, "--laying-height", "-0.01"], "the laying height must be from 0 to 0.1 m, got -0.01"),
+        (
+            [*NUMBERS, *SMALL, "--draws", "1", "--dynamic", "--amplitude", "20", "--duration", "0.5"],
+            "a skirt flies apart at 0.14 s; move the waist less or slower",
+        ),
     ],
 )
 def test_command_refuses_bad_input(arguments: list[str], message: str):
     result = _run(*arguments)
     assert result.exit_code == 2
     assert message in " ".join(result.output.split())
+
+
+def test_nothing_of_an_earlier_skirt_stays_beside_a_new_one(tmp_path: Path):
+    folder = tmp_path / "out"
+    arguments = [*NUMBERS, *SMALL, "--out", str(folder)]
+    assert _run(*arguments, "--draws", "2", "--dynamic", "--duration", "0.1").exit_code == 0
+    (folder / "notes.txt").write_text("mine")
+    result = _run(*arguments, "--draws", "1")
+    assert result.exit_code == 0, result.output
+    left = {path.name for path in folder.iterdir()}
+    assert {"draw_0000.obj", "summary.json", "notes.txt"} <= left
+    assert not [name for name in left if name.startswith(("draw_0001", "motion"))]

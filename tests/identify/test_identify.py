@@ -381,6 +381,17 @@ def test_square_pictures_without_a_ruler_are_silhouettes(lab, photographs, tmp_p
     assert holds_photographs(photographs)
 
 
+@pytest.mark.parametrize("hidden", ["._{}", "@eaDir/{}", ".thumbnails/{}"])
+def test_hidden_files_do_not_make_photographs_of_silhouettes(lab, tmp_path, hidden):
+    """macOS puts ._NAME before NAME: the data set was refused for want of a ruler."""
+    name = "Fabric_2_Sample_1_Capture_1.jpg"
+    (tmp_path / name).write_bytes((lab / "data/Fabric 2/silhouettes" / name).read_bytes())
+    other = tmp_path / hidden.format(name)
+    other.parent.mkdir(exist_ok=True)
+    other.write_bytes(b"no square picture")
+    assert not holds_photographs(tmp_path)
+
+
 def test_photographs_of_silk_are_photographs(photographs, tmp_path):
     (tmp_path / "silk").mkdir()
     for path in photographs.glob("*.jpg"):

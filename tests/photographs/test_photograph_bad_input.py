@@ -89,6 +89,14 @@ def test_hidden_files_are_no_pictures(tmp_path):
     assert [picture.path.name for picture in found.drapes] == [DRAPE]
 
 
+def test_thumbnails_of_a_network_disk_are_no_pictures(tmp_path):
+    """They were taken for a second picture of the same capture."""
+    folder = _folder(tmp_path, DRAPE, "plate.jpg")
+    (folder / "@eaDir" / DRAPE).mkdir(parents=True)
+    shutil.copy(folder / DRAPE, folder / "@eaDir" / DRAPE / "SYNOPHOTO_THUMB_XL.jpg")
+    assert [picture.path.name for picture in find_pictures(folder).drapes] == [DRAPE]
+
+
 def test_a_phone_s_format_is_refused_unless_the_picture_is_there_in_another(tmp_path):
     folder = _folder(tmp_path, DRAPE, "plate.jpg")
     (folder / DRAPE.replace("jpg", "DNG")).write_bytes(b"raw")  # as cameras write beside it

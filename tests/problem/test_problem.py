@@ -309,6 +309,27 @@ class TestJournal:
         late.observe(taus[0])
         assert late.meter.trace == first.meter.trace
 
+    def test_a_batch_cut_short_by_time_stays_so_where_the_run_is_stopped_after_it(self, tmp_path, monkeypatch):
+        """Of a batch of 12 drapes of 10 s there is time for 9 of 100 s, whether or not the run is then stopped."""
+        clock, simulate = [0.0], DrapeProblem.simulate
+        monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+
+        def slow(self, taus, warm=None):
+            clock[0] += 10.0 * len(taus)
+            return simulate(self, taus, warm)
+
+        monkeypatch.setattr(DrapeProblem, "simulate", slow)
+        taus = np.random.default_rng(0).normal(size=(12, 39))
+        for _ in range(2):
+            problem = toy_problem(folder=tmp_path, budget=Budget(seconds=100))
+            problem.meter._clock_zero = clock[0]
+            problem.observe(taus[0])
+            assert len(problem.observe_batch(taus)) == 9
+            with pytest.raises(BudgetExceeded):
+                problem.observe_batch(taus[9:])
+            assert problem.meter.forward == 10
+            clock[0] += 1000.0
+
     def test_failures_are_replayed(self, tmp_path, fail_drapes):
         fail_drapes(lambda count: count == 1)
         assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf

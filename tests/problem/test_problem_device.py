@@ -7,8 +7,11 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
-from cusick_bench.problem import DrapeProblem
+from cusick_bench.problem import DrapeProblem, Scene, parse_causes
+from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.effects import registered
+from cusick_bench.sim.engine.settings import DrapeSettings
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -60,6 +63,17 @@ def test_drapes_elsewhere_give_the_same_answers_on_the_host(request):
     for ours, theirs in zip(_answers(), expected, strict=True):
         assert isinstance(ours, float | np.ndarray)
         np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("side", ["up", "down"])
+@pytest.mark.parametrize("cause", [name for name, effect in registered().items() if effect.kind == "imaging"])
+def test_drapes_elsewhere_are_seen_there_under_effects(cause, side):
+    mesh = disc_mesh(100)
+    scene = Scene(parse_causes([cause]), mesh, DrapeSettings(), side=side)
+    drape = torch.from_numpy(mesh.flat) - torch.tensor([0.0, 0.0, 0.05])
+    expected, found = (scene.seen(scene.to_cloth(one)) for one in (drape, drape.as_subclass(Elsewhere)))
+    assert isinstance(found, Elsewhere)
+    assert torch.equal(found.cpu(), expected)
 
 
 def test_the_stand_in_refuses_what_a_device_refuses():

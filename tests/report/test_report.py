@@ -124,6 +124,24 @@ def test_every_picture_is_a_png_with_words_for_those_who_cannot_see_it(page):
     assert any("7 folds" in (graph["aria-label"] or "") for graph in graphs)
 
 
+def test_only_a_simulation_is_called_simulated(tmp_path, monkeypatch):
+    """In the key of the differences: a null simulates nothing."""
+    write_cell(tmp_path, "homo")
+    write_cell(tmp_path, "null:disc")
+    titles = []
+
+    def saved(figure, path):
+        titles.append((Path(path).stem, figure.axes[2].get_title()))
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", saved)
+    words = make(tmp_path, pictures=tmp_path / "pictures").text
+    assert dict(titles) == {
+        "cotton_blue_homo": "blue: only simulated, orange: only real",
+        "cotton_blue_null_disc": "blue: only predicted, orange: only real",
+    }
+    assert words.count("only simulated") == words.count("only predicted") == 1
+
+
 def test_performance_profiles_say_how_many_problems_count(tmp_path):
     for solver, cloth in product(("homo", "sobol"), ("cotton_blue", "viscose_white")):
         write_cell(tmp_path, solver, cloth)
@@ -184,6 +202,18 @@ def test_command_writes_the_page_and_says_where(tmp_path):
     assert "no band" in outcome.stderr
     assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "page.pdf")]).exit_code == 2
     assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
+
+
+@pytest.mark.parametrize("option", ["--out", "--pictures"])
+def test_a_place_that_is_none_is_told_before_anything_is_drawn(option, tmp_path, monkeypatch):
+    write_cell(tmp_path, "homo")
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("cusick_bench.report.write_report", lambda *_, **__: pytest.fail("drawn"))
+    app = typer.Typer()
+    app.command()(report)
+    result = CliRunner().invoke(app, [str(tmp_path), option, str(tmp_path / "file" / "page.html")])
+    assert result.exit_code == 2, result.output
+    assert "choose another folder" in " ".join(result.output.split())
 
 
 def test_command_compares_with_another_run(tmp_path):

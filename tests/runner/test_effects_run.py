@@ -28,6 +28,7 @@ from cusick_bench.runner import (
     run,
     run_cell,
 )
+from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import registered
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -146,6 +147,14 @@ class TestGrid:
         assert "causes" not in without.record()["settings"]  # so that cells of earlier runs keep their names
         assert _cells(data, ("plate-tilt:direction=90,angle=6.0", "perspective"))[0].key == with_both.key
         assert with_both.label == f"homo,search=2 + {' + '.join(canonical(cause) for cause in CAUSES)}"
+
+    def test_cells_that_follow_a_branch_have_its_version(self, data):
+        """Contact of the cloth with itself is known at rest only, so its cells follow a branch in every mode."""
+        for causes, mode in (((), "equilibrium"), (("self-contact",), "drop"), (("plate-tilt",), "drop")):
+            settings = replace(SMALL, causes=causes, drape=replace(SMALL.drape, mode=mode))
+            (cell,) = plan(load(data), solvers=["homo"], settings=settings)
+            scene = Scene(parse_causes(causes), disc_mesh(100), settings.drape)
+            assert ("branch" in dict(cell.numerics)) == (scene.simulated.mode == "equilibrium")
 
     def test_rows_without_physics_stay_what_they_are(self, data):
         (null,) = _cells(data, solvers=["null:disc"])

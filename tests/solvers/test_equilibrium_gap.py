@@ -270,6 +270,18 @@ class TestSolver:
         assert answer.vertices.shape == (mesh.vertices, 3)
         assert answer.notes["misfit"] < 2
 
+    def test_a_drape_on_springs_is_balanced_outside_the_plate(self, mesh):
+        """There springs pull at nothing; their own forces would follow from no measured position."""
+        space = HomogeneousSpace(mesh, PRIOR)
+        truth = space.bending_level(2.0)
+        simulator = DrapeSimulator(mesh, DrapeSettings(mode="equilibrium", support="springs"))
+        drape = simulator.drape(space.specimen(torch.as_tensor(truth)).material).vertices.numpy()
+        problem = _problem(TrainMesh(np.round(drape, 5), mesh.faces, mesh.material), mesh, support="springs")
+        answer = EquilibriumGap(rest_height=0, unevenness=0).solve(problem, np.random.default_rng(0))
+        assert answer.notes["misfit"] < 2
+        level = (PRIOR.bending_root @ (answer.tau[24:] - truth[24:])).reshape(3, 5)
+        assert np.abs(level[:, 3:]).max() < 0.1
+
     def test_law_plate_is_refused_with_the_law_to_use(self, mesh):
         problem = _problem(TrainMesh(mesh.flat, mesh.faces, mesh.material), mesh, law="plate")
         with pytest.raises(SolverError, match="--law paper"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from itertools import product
 from math import isfinite
 from pathlib import Path
@@ -12,7 +11,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.benchmark.optimisers.runs import Plan, compare
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import command_line, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
@@ -88,9 +87,9 @@ def _provenance() -> str:
     """Provenance of the last runs of a table."""
     from cusick_bench.runner.environment import code_text, environment
 
-    command, made = " ".join(["cusick-bench", *sys.argv[1:]]), environment()
+    made = environment()
     return (
-        f"Last command: `{command}`. Hardware: {made['processor']}, {made['platform']}, {made['cores']} cores. "
+        f"Last command: `{command_line()}`. Hardware: {made['processor']}, {made['platform']}, {made['cores']} cores. "
         f"Code: {code_text(made)}."
     )
 
@@ -107,7 +106,7 @@ def _print_table(document: dict[str, Any]) -> None:
         theirs = row["published"]
         table.add_row(
             row["method"],
-            f"{row['mean']:.3f} ± {row['standard_error']:.3f}",
+            f"{row['mean']:.3f}" + (f" ± {row['standard_error']:.3f}" if isfinite(row["standard_error"]) else ""),
             f"{row['median']:.3f}",
             f"{theirs['mean']:.3f} ± {theirs['standard_error']:.3f}" if theirs else "",
             f"{theirs['median']:.3f}" if theirs and theirs["median"] is not None else "",

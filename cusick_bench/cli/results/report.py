@@ -11,6 +11,7 @@ import typer
 from cusick_bench.cli.common import interruptible, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, RunsData, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.datasets import DataError
 from cusick_bench.report import ReportError
 from cusick_bench.sim.errors import CusickError
@@ -53,7 +54,8 @@ def report(
     other = None if compare is None else load_cells(compare)
     kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")
     fits = sum(len(set(group["cloth"])) for _, group in variants(cells.table))
-    with progress_bar("reading data", fits) as bar, interruptible(kept):
+    room = (folder_made(out.parent), folder_made(pictures))
+    with progress_bar("reading data", fits) as bar, interruptible(kept), room[0], room[1]:
         unseen, protocol = _of_data(cells, data)
         files = write_report(
             cells,

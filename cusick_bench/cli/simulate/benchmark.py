@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import command_line, console, interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import command_line, console, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     MOST_STEPS,
     MOST_VERTICES,
@@ -23,6 +23,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.files.json_text import json_text
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.errors import CusickError
 
 app = typer.Typer()
 
@@ -69,9 +70,13 @@ def benchmark(
         int | None,
         simulation_option(min=40, max=1_000_000, help="Measure only the runner, in a grid of this many trivial cells."),
     ] = None,
-    out: Annotated[Path, output_option(help="File for the JSON document; Markdown tables go beside it.")] = Path(
-        "benchmark.json"
-    ),
+    out: Annotated[
+        Path | None,
+        output_option(
+            help="File for the JSON document, by default benchmark.json; Markdown tables go beside it. With "
+            "--runner-cells only the document, and by default none."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Time drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd.
@@ -84,9 +89,14 @@ def benchmark(
     from cusick_bench.benchmark.text import markdown
     from cusick_bench.datasets.files.plate_drapes import read_plate_drapes
 
+    if out is not None and out.suffix == ".md":
+        raise CusickError(
+            f"the tables would replace the document {out}; name the document, for instance benchmark.json"
+        )
     if runner_cells is not None:
-        _measure_runner(runner_cells, as_json)
+        _measure_runner(runner_cells, out, as_json)
         return
+    out = out or Path("benchmark.json")
     asked: dict[str, Any] = dict(FULL) if full else {}
     asked |= {"vertices": tuple(vertices)} if vertices else {}
     asked |= {"rounds": rounds} if rounds else {}
@@ -122,18 +132,22 @@ def benchmark(
     _print_targets(document["targets"])
 
 
-def _measure_runner(cells: int, as_json: bool) -> None:
+def _measure_runner(cells: int, out: Path | None, as_json: bool) -> None:
     from cusick_bench.benchmark.runner_overhead import runner_overhead
 
     with (
         TemporaryDirectory(prefix="cusick-bench-") as folder,
         interruptible("nothing was written"),
+        folder_made(None if out is None else out.parent),
         progress_bar("cells", cells) as bar,
     ):
         overhead = runner_overhead(cells, Path(folder), progress=bar.show)
-    document = asdict(overhead) | {"memory_a_cell_kib": overhead.memory_a_cell_kib}
+    document = {"runner": asdict(overhead) | {"memory_a_cell_kib": overhead.memory_a_cell_kib}}
+    if out is not None:
+        write_atomically(out, json_text(document, indent=2).encode())
+        tell(f"wrote {out}")
     if as_json:
-        print_json({"runner": document})
+        print_json(document)
         return
     output.print(
         f"{cells} trivial cells: {overhead.wall_ms:.1f} ms each ({overhead.processor_ms:.1f} ms of processor time), "

@@ -102,7 +102,7 @@ def skirt(
     as_json: Json = False,
 ) -> None:
     """Simulate skirts of a digitised cloth, at rest and optionally in motion, and measure how they hang and differ."""
-    from cusick_bench.garment.output import write_motion, write_rest
+    from cusick_bench.garment.output import forget_skirts, write_motion, write_rest
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
@@ -122,6 +122,7 @@ def skirt(
     document = worn.document() | {"seconds": time.perf_counter() - clock}
     if out is not None:
         with disk_errors(out), progress_bar("drawing"), interruptible(f"what was ready is in {out}"):
+            forget_skirts(out)
             write_rest(out, worn.pattern, worn.positions, cloth.name, wearing.body)
             if moving is not None:
                 write_motion(out, worn.pattern, worn.times, worn.frames, moving, cloth.name, wearing.body)

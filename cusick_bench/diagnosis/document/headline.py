@@ -35,6 +35,9 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "several":
         listed = ", ".join(f"{name} ({acting[name]:.0%})" for name in names)
         return f"Several effects act together: {listed}{alike}."
+    if len(diagnosis.groups) > 1:
+        each = ", and ".join(f"one of {', '.join(group)}" for group in diagnosis.groups)
+        return f"Several effects act together that these drapes alone cannot tell from others: {each}."
     probability = diagnosis.probability
     some = ", ".join(name for name in diagnosis.set90 if name not in _BESIDE)
     beside = [f"{what} ({probability[name]:.0%})" for name, what in _BESIDE.items() if name in diagnosis.set90]

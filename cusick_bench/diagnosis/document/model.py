@@ -190,8 +190,8 @@ class StatisticRow(Part):
         unit: Unit of `up`, `down`, `base` and `effect`: `m`, `m/rad` or `1`.
         up: Mean over the data's samples, upper face.
         down: The same, lower face.
-        base: Mean of the base model.
-        effect: Mean of the base model with the named effects.
+        base: Mean of the base model, over the faces that the data show.
+        effect: The same of the base model with the named effects.
         z: Difference between data and base model in standard errors, of the face that differs more.
     """
 

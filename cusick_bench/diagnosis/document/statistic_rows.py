@@ -7,7 +7,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document.model import StatisticRow
-from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN
+from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, as_seen
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES
 
@@ -70,18 +70,21 @@ def finite(value: float) -> float | None:
 
 
 def _means(diagnosis: Diagnosis) -> tuple[ndarray, ndarray, int]:
-    """Mean statistics of base model and base with the causes, and of how many drapes; 0 where the atlas tells them."""
-    drapes = diagnosis.simulated
-    if drapes is not None and np.isfinite(drapes.base.specimens).any((0, 1)).all():
-        base = np.nanmean(drapes.base.specimens, (0, 1))
-        changed = np.nan * base if drapes.effect is None else np.nanmean(drapes.effect.specimens, (0, 1))
-        return base, changed, int(np.isfinite(drapes.base.specimens[..., 0]).sum())
+    """Mean statistics of base model and base with the causes, and of how many drapes; 0 where the atlas tells them.
+
+    They are those of the faces that the data show: an effect of the cloth's faces acts on one as it does not on both.
+    """
+    drapes, faces = diagnosis.simulated, diagnosis.features.samples > 0
+    if drapes is not None and np.isfinite(drapes.base.specimens[:, faces]).any((0, 1)).all():
+        base = np.nanmean(drapes.base.specimens[:, faces], (0, 1))
+        changed = np.nan * base if drapes.effect is None else np.nanmean(drapes.effect.specimens[:, faces], (0, 1))
+        return base, changed, int(np.isfinite(drapes.base.specimens[:, faces, 0]).sum())
     residual, emulator = diagnosis.residual, diagnosis.emulator
     base, moved = emulator.mean(residual.theta), np.zeros(len(NAMES))
     for one in diagnosis.causes:
         point = {name: np.array([value]) for name, value in one.value.items()}
         row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).features[0]
-        moved += row[FACE_EVEN] * residual.sd
+        moved += as_seen(row, diagnosis.features.single)[FACE_EVEN] * residual.sd
     return base, base + moved if diagnosis.causes else np.nan * base, 0
 
 

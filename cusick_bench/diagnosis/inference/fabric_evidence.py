@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value
-from cusick_bench.diagnosis.inference.findings.evened import evened_out
+from cusick_bench.diagnosis.inference.findings.evened import evened_out, evened_weights
 from cusick_bench.diagnosis.inference.findings.novelty import Novelty, novelty
 from cusick_bench.diagnosis.inference.findings.unusual import unusual
 from cusick_bench.diagnosis.inference.findings.verdict import Finding, finding
@@ -123,7 +123,8 @@ def fabric_evidence(
         notes.append(f"undetectable in this fabric, whatever their strength: {', '.join(hidden)}")
     sampled = fabric_sets(data, plain, generator, shared=shared, progress=progress)
     drift_known = bool(np.isfinite(data.features.order).any())
-    sets = replace(sampled, posterior=evened_out(sampled.posterior, drift_known=drift_known))
+    evened = evened_out(sampled.posterior, drift_known=drift_known)
+    sets = replace(sampled, posterior=replace(evened, weight=evened_weights(sampled, evened)))
     likeliest = [*(one.hypothesis.name for one in shared), *next(iter(sets.posterior.sets))]
     likely = named_causes(data, sets, likeliest)
     notes += domain_doubts(emulator, data.features, sets.residual, data.shift(likely, sets.residual))

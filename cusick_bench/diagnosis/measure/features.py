@@ -55,7 +55,7 @@ class Features:
             that face, and the odd part is NaN.
         share: The covariance of `contrast` is that of a sample's even parts times `share[0]` plus that of its odd parts
             times `share[1]`, each a matrix over even and odd.
-        spread: Entries as in `SPREADS`; NaN below three samples a face.
+        spread: Entries as in `SPREADS`; NaN where samples vary within faces with fewer than two degrees of freedom.
         spread_variance: Their sampling variance.
         order: Entries as in `ORDERS`; NaN without repeats.
         order_covariance: Their sampling covariance.

@@ -75,7 +75,7 @@ class Fold:
 
 def side_by_side(
     specimens: Float[ndarray, "samples 2 statistics"], sd: Float[ndarray, "statistics"], faces: Sequence[int]
-) -> Float[ndarray, "samples numbers"]:
+) -> Float[ndarray, "kept numbers"]:
     """Statistics of the samples that have all of these faces.
 
     They are in units of sd, divided by the root of the number of columns so that distances of groups are comparable.
@@ -90,7 +90,8 @@ def side_by_side(
     """
     chosen = specimens[:, list(faces)]
     good = np.isfinite(chosen).all((1, 2))
-    return (chosen[good] / sd).reshape(int(good.sum()), -1) / np.sqrt(len(faces) * specimens.shape[2])
+    columns = len(faces) * specimens.shape[2]
+    return (chosen[good] / sd).reshape(int(good.sum()), columns) / np.sqrt(columns)
 
 
 def faces_of(specimens: Float[ndarray, "samples 2 statistics"]) -> tuple[int, ...]:

@@ -104,7 +104,7 @@ def closures(
     """
     compared = [tuple(one for one in causes if not acts_later(one.hypothesis.effect)) for causes in alternatives]
     every = np.arange(len(samples.specimens))
-    parts = [every] if len(every) < _LEAST else [every[0::2], every[1::2]]
+    parts = [every] if len(every) < _LEAST else _halves(samples.specimens)
     steps = len(parts) * (1 + sum(bool(causes) for causes in compared))
     held_out, base, with_causes = [], [], [[] for _ in compared]
     for number, held in enumerate(parts):
@@ -143,6 +143,13 @@ def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, 
     residual = against_base(emulator, samples.features(), scatter=scatter_of(samples.specimens), drift=samples.later)
     turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
     return closures(turned, samples, residual, [causes], draping, refit=False)[0].gap
+
+
+def _halves(specimens: Float[ndarray, "samples 2 statistics"]) -> list[ndarray]:
+    """Places of every other sample, of those with the same faces."""
+    shown = np.isfinite(specimens).all(2) @ [1, 2]
+    order = np.argsort(shown, kind="stable")
+    return [np.sort(order[0::2]), np.sort(order[1::2])]
 
 
 def _closure(

@@ -18,7 +18,7 @@ class FabricMaterial:
 
     Attributes:
         name: The fabric.
-        solver: Who found the stiffness.
+        solver: Who found the stiffness, with the effects that the simulator knew of.
         source: The result that it is from.
         density: Areal density [kg/m2].
         bending: Bending stiffness of warp, weft and bias [N m].

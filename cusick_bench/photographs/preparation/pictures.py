@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cusick_bench.datasets.files.layout import is_hidden
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 
@@ -129,7 +130,7 @@ def _require_ruler(folder: Path, others: Mapping[str, Sequence[Path]]) -> None:
 def _files(folder: Path) -> list[Path]:
     found: list[Path] = []
     for place, folders, files in os.walk(folder):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        folders[:] = sorted(name for name in folders if not is_hidden(name))
         shown = sorted(name for name in files if not name.startswith("."))  # macOS puts ._NAME beside NAME
         read = [name for name in shown if Path(name).suffix.lower() in SUFFIXES]
         _require_read(Path(place), shown, read)

@@ -196,16 +196,14 @@ class Journal:
             digests: Hashes of the parameters, in order.
 
         Returns:
-            Their number, all of them where the earlier run ends before it did anything else.
+            Their number; where the earlier run ends with them, it may have asked for more, or had no time for more.
         """
         past = self._past[self._position : self._position + len(digests)]
         made = [
             (entry.evaluation.kind, entry.evaluation.digest) == (kind, d)
             for entry, d in zip(past, digests, strict=False)
         ]
-        if all(made):
-            return len(digests)
-        return made.index(False)
+        return made.index(False) if False in made else len(made)
 
     def next(self, kind: str, digest: str) -> Entry | None:
         """The earlier run's evaluation that this one repeats.

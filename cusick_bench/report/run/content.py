@@ -33,9 +33,6 @@ from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness
 from cusick_bench.report.run.comparison import ComparisonSection
 from cusick_bench.report.run.method_curves import MethodCurves
 
-_DIFFERENCE_KEY = ((ONLY_SIMULATED, "only simulated"), (ONLY_REAL, "only real"))
-"""Colours of `difference_picture`."""
-
 
 @dataclass(frozen=True)
 class Picture:
@@ -211,13 +208,14 @@ def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w
 
 
 def _silhouettes(view: CellView, cloth: str, where: str, fitted: str) -> tuple[Picture, ...]:
+    model = "simulated" if view.simulated else "predicted"
     overlap = 1 - np.abs(view.fit - view.target).sum() / np.maximum(view.fit, view.target).sum()
     alt = f"Difference of the silhouettes of {where}; they share {100 * overlap:.0f} per cent of their area"
     difference = embedded_picture(difference_picture(view.fit, view.target), alt, "")
     pictures = (
         embedded_picture(silhouette_picture(view.target), f"Real silhouette of {cloth}", "Real, training sample"),
         embedded_picture(silhouette_picture(view.fit), f"Silhouette of {where}", fitted.capitalize()),
-        replace(difference, key=_DIFFERENCE_KEY),
+        replace(difference, key=((ONLY_SIMULATED, f"only {model}"), (ONLY_REAL, "only real"))),
     )
     return tuple(with_plate(one, view.protocol) for one in pictures)
 

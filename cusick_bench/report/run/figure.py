@@ -39,12 +39,13 @@ def save_figure(
         silhouette_picture(view.fit),
         difference_picture(view.fit, view.target),
     ]
-    names = ["real", "simulated" if view.simulated else "predicted", "blue: only simulated, orange: only real"]
+    fitted = "simulated" if view.simulated else "predicted"
+    names = ["real", fitted, f"blue: only {fitted}, orange: only real"]
     for axis, picture, name in zip(axes, [*pictures, drape], [*names, "from the side"], strict=False):
         axis.imshow(picture)
         axis.set_title(name, fontsize=9)
         axis.set_axis_off()
-    _draw_profiles(axes[4], view, unseen, fitted=names[1])
+    _draw_profiles(axes[4], view, unseen, fitted=fitted)
     figure.suptitle(title, fontsize=11, parse_math=False)  # a cloth's name may hold a $
     figure.savefig(path)
 

@@ -40,6 +40,6 @@ class CameraOffset(Effect):
         shift = torch.nn.functional.pad(value["shift"] * unit(value["direction"]), (0, 1))
 
         def move(points: Tensor) -> Tensor:
-            return points + shift
+            return points + shift.to(points)
 
         return setup.with_added(seen=move)

@@ -55,7 +55,7 @@ def _normals(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     import torch
 
     constant, cosine, sine = _harmonics(_outline(points, edges))
-    order = torch.arange(1, _HARMONICS + 1, dtype=torch.float64)
+    order = torch.arange(1, _HARMONICS + 1).to(points)
     distance = torch.linalg.norm(points, dim=1).clamp_min(1e-12)
     angle = torch.atan2(points[:, 1], points[:, 0])
     wave, turned = torch.cos(angle[:, None] * order), torch.sin(angle[:, None] * order)
@@ -73,7 +73,7 @@ def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     import torch
 
     share = np.linspace(0, 1, _SAMPLES, endpoint=False)[:, None, None]
-    at = points.detach().numpy()
+    at = points.detach().cpu().numpy()
     first, second = at[edges[:, 0]], at[edges[:, 1]]
     on_edges = (first + share * (second - first)).reshape(-1, 2)
     distance = np.hypot(*on_edges.T)
@@ -84,8 +84,8 @@ def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     filled = np.flatnonzero(farthest >= 0)
     apart = np.abs(np.arange(_BINS)[:, None] - filled)
     chosen = farthest[filled[np.minimum(apart, _BINS - apart).argmin(1)]]
-    edge, weight = edges[chosen % len(edges)], torch.from_numpy(share[chosen // len(edges), 0])
-    ends = points[torch.from_numpy(edge)]
+    weight = torch.from_numpy(share[chosen // len(edges), 0]).to(points)
+    ends = points[edges[chosen % len(edges)]]
     return torch.linalg.norm(ends[:, 0] + weight * (ends[:, 1] - ends[:, 0]), dim=1)
 
 
@@ -95,4 +95,5 @@ def _harmonics(radius: Float[Tensor, " bins"]) -> tuple[Tensor, Tensor, Tensor]:
 
     angle = (torch.arange(_BINS, dtype=torch.float64) + 0.5) * (2 * math.pi / _BINS)
     phase = torch.arange(1, _HARMONICS + 1, dtype=torch.float64)[:, None] * angle
-    return radius.mean(), torch.cos(phase) @ radius * (2 / _BINS), torch.sin(phase) @ radius * (2 / _BINS)
+    cosine, sine = torch.cos(phase).to(radius), torch.sin(phase).to(radius)
+    return radius.mean(), cosine @ radius * (2 / _BINS), sine @ radius * (2 / _BINS)

@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
-from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import NAMES
@@ -62,6 +62,33 @@ def test_effects_of_the_camera_move_the_fabrics_own_outlines(emulator: Emulator)
     assert row.base is not None
     assert row.effect is not None
     assert row.effect - row.base == pytest.approx(row.up * (1 - 1 / 1.02), rel=1e-3)
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+@pytest.mark.parametrize(("face", "sign"), [(0, -1), (1, 1)])
+def test_of_one_face_an_effect_is_shown_as_it_acts_on_that_face(
+    emulator: Emulator, face: int, sign: int, simulated: bool
+) -> None:
+    """Cloth that curls drapes more on one face and less on the other; on both together little is seen of it."""
+    curl = next(one for one in hypotheses(emulator) if one.name == "rest-curvature")
+    value, sd = {"curvature": 40.0, "direction": 0.0}, emulator.sd(PRIOR_MEAN)
+    given = {name: np.array([number]) for name, number in value.items()}
+    even, odd = shifts(emulator, curl, PRIOR_MEAN, sd, 0.5, given).features[0][: 2 * len(NAMES)].reshape(2, -1)
+    drawn = emulator.mean(PRIOR_MEAN) + np.random.default_rng(3).standard_normal((12, 2, len(NAMES))) * sd
+    curled = drawn + np.stack([even - odd, even + odd]) * sd
+    data = curled.copy()
+    data[:, 1 - face] = np.nan
+    drapes = SimpleNamespace(base=SimpleNamespace(specimens=drawn), effect=SimpleNamespace(specimens=curled))
+    diagnosis = SimpleNamespace(
+        residual=SimpleNamespace(theta=PRIOR_MEAN, sd=sd, drift=0.5, kept=np.ones(1)), features=features(data),
+        emulator=emulator, causes=(Candidate(curl, value),), simulated=drapes if simulated else None,
+    )  # fmt: skip
+    place = NAMES.index("harmonic_2_real")
+    row = statistic_rows(diagnosis)[place]  # pyright: ignore[reportArgumentType]
+    assert row.base is not None
+    assert row.effect is not None
+    assert abs(odd[place]) > 2 * abs(even[place])
+    assert row.effect - row.base == pytest.approx((even + sign * odd)[place] * sd[place], rel=1e-6)
 
 
 def test_where_nothing_is_said_to_act_the_base_model_is_fitted_alone() -> None:

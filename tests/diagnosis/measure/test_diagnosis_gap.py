@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.measure.gap import Fold, Gap, gap
+from cusick_bench.diagnosis.measure.gap import Fold, Gap, fit_of, gap
 from cusick_bench.diagnosis.measure.statistics import NAMES
 
 
@@ -63,6 +63,16 @@ def test_gap_needs_samples_and_uses_the_faces_there_are() -> None:
     found = gap([Fold(values, generator.standard_normal((8, 2, len(NAMES))))], np.ones(len(NAMES)), generator)
     assert found is not None
     assert np.isfinite(found.base)
+
+
+def test_a_fold_whose_samples_all_show_the_other_face_has_no_gap() -> None:
+    """As where faces alternate from sample to sample: every second sample lies face down."""
+    generator = np.random.default_rng(15)
+    up, down, simulated = (generator.standard_normal((count, 2, len(NAMES))) for count in (6, 6, 24))
+    up[:, 1], down[:, 0] = np.nan, np.nan
+    sd = np.ones(len(NAMES))
+    assert gap([Fold(up, simulated), Fold(down, simulated)], sd, generator) is None
+    assert fit_of(down, simulated, sd, (0,)) == np.inf
 
 
 def test_a_right_model_exceeds_the_floor_in_one_of_twenty_cases() -> None:

@@ -4,13 +4,22 @@ In the atlas the members of a group of `EQUIVALENTS` differ by less than base mo
 from other simulators most such causes were taken for another member of their group, and with confidence. The posterior
 cannot know that. Creep shows as a drift from capture to capture; without repeated captures nothing tells it from
 friction.
+
+What another member of its group does in a cause's place says nothing of where it would stand in that place: beside the
+true cause, a look-alike is drawn only to mend details, often with the wrong sign. So the probability that a cause takes
+over from its group is spread over its points in the place of the group.
 """
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.special import softmax
+
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 from cusick_bench.diagnosis.inference.single_effects.equivalents import EQUIVALENTS
 from cusick_bench.sim.effects import registered
@@ -43,6 +52,34 @@ def evened_out(posterior: SetPosterior, *, drift_known: bool = True) -> SetPoste
             )
             sets = _evened_sets(sets, members, share)
     return replace(posterior, effects=effects, leading=leading, sets=dict(sorted(sets.items(), key=lambda s: -s[1])))
+
+
+def evened_weights(sets: FabricSets, evened: SetPosterior) -> Float[ndarray, "points"]:
+    """Probability of each point after probabilities have been made more even.
+
+    Args:
+        sets: Sets of effects of a fabric, as they were sampled.
+        evened: Their posterior from `evened_out`.
+
+    Returns:
+        The probabilities; those of an effect's points add up to its own.
+    """
+    points, before = sets.model.points, sets.posterior
+    weight = before.weight.copy()
+    for group in EQUIVALENTS:
+        members = sorted(group.effects & before.effects.keys())
+        gains = {name: evened.effects[name] - before.effects[name] for name in members}
+        if not any(gain > 0 for gain in gains.values()):
+            continue
+        others = [point for point in before.best if points.name(point) not in members]
+        in_place = sets.model.likelihoods(others, more=sets.more).total[:-1] + points.log_prior
+        for name, gain in gains.items():
+            own = points.effect == points.names.index(name)
+            if gain > 0:
+                weight[own] += gain * softmax(in_place[own])
+            elif gain < 0:
+                weight[own] *= evened.effects[name] / before.effects[name]
+    return weight
 
 
 def _evened_probabilities(

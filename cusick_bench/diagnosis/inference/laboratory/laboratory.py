@@ -7,10 +7,10 @@ shared grid, and each fabric's own set given the shared one. Several fabrics may
 
 Once the fabrics' own sets have adapted to one of two shared look-alikes (a camera off its place, a plate out of level),
 a single step no longer exchanges it for the other. So short chains start from no shared effect and from each single
-one, and exchanges of the effects of the likeliest set are tried (`look_alikes`). From the likeliest set two chains go
-on, on grids with finer steps around its points, and are weighted by the geometric mean of the joint probabilities of
-what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens of nats, and another
-effect would be added to make up for it.
+one, and exchanges of the effects of the likeliest set are tried (`look_alikes`). The likeliest chains with the
+likeliest set go on, on grids with finer steps around their points, and are weighted by the geometric mean of the joint
+probabilities of what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens of
+nats, and another effect would be added to make up for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -77,8 +77,9 @@ def laboratory(
         progress(0.3 * (number + 1) / len(tried))
     exchanges = Exchanges(fabrics, generator, progress=lambda share: progress(0.3 + 0.4 * share))
     exchanges.search(max(tried, key=lambda chain: chain.log_joint()))
-    likeliest = exchanges.sets[exchanges.likeliest].walk
-    chains = [likeliest.on(points) for _ in range(_CHAINS)]
+    likeliest = exchanges.sets[exchanges.likeliest].walk.on(points)
+    same = [likeliest, *(chain for chain in tried if chain.names == exchanges.likeliest)]
+    chains = [chain.on(points) for chain in sorted(same, key=lambda chain: -chain.log_joint())[:_CHAINS]]
     near = {point for chain in chains for point in chain.shared}
     points = [finer_shared_points(fabric, one, near) for fabric, one in zip(fabrics, points, strict=True)]
     chains = [chain.on(points) for chain in chains]

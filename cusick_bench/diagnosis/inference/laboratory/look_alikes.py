@@ -27,9 +27,9 @@ from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk, 
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 
 _ADAPTED: Final = 6  # steps on coarse grids
-_SETTLED: Final = 3  # first steps on finer grids, which do not count
-_COUNTED: Final = 9
-_FAR: Final = 2.0  # least leads behind the likeliest set from which a set is not looked at on finer grids
+_SETTLED: Final = 2  # first steps on finer grids, which do not count
+_COUNTED: Final = 8
+_FAR: Final = 1.5  # least leads behind the likeliest set from which a set is not looked at on finer grids
 _ROUNDS: Final = 3  # most sets whose exchanges are tried
 _EXPLAINED: Final = 0.5  # least share of what an effect explains that a look-alike of it explains
 
@@ -75,12 +75,11 @@ class Exchanges:
         Args:
             start: A walk on the coarse grids of all effects.
         """
-        points = start.points[0]
-        self.likeliest = frozenset(points.name(point) for point in start.shared)
+        self.likeliest = start.names
         self._adapt(self.likeliest, start)
         for round_ in range(_ROUNDS):
             before, walk = self.likeliest, self.sets[self.likeliest].walk
-            tried = [names for names in _exchanged(before, points.names) if names not in self.sets]
+            tried = [names for names in _exchanged(before, start.points[0].names) if names not in self.sets]
             for number, names in enumerate(tried):
                 self._adapt(names, walk)
                 self.progress((round_ + (number + 1) / len(tried)) / _ROUNDS)

@@ -75,6 +75,11 @@ class SharedWalk:
         walk.own = [list(own) for own in self.own]
         return walk
 
+    @property
+    def names(self) -> frozenset[str]:
+        """Effects of the shared set."""
+        return frozenset(self.points[0].name(point) for point in self.shared)
+
     def step(self, *, counts: bool) -> None:
         """Draws places of the shared set anew, then two of each fabric's own.
 

@@ -56,8 +56,8 @@ def doubts(captures: Captures, features: Features) -> list[str]:
     if number < _FEW:
         of_face = "" if number == len(np.unique(captures.sample)) else " of a face"
         notes.append(
-            f"only {number} sample{'s' * (number != 1)}{of_face}: natural variability is the model's, and only strong "
-            "effects show"
+            f"only {number} sample{'s' * (number != 1)}{of_face}: natural variability is mostly the model's, and only "
+            "strong effects show"
         )
     if features.single:
         notes.append(
@@ -103,7 +103,7 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual, shift: F
         A note for each parameter at the end of its range.
 
     Raises:
-        Refused: A cloth limper or stiffer than any of the atlas.
+        Refused: A cloth limper or stiffer than any of the atlas, or unlike all of them.
     """
     theta, notes = at.theta, []
     for name, words in _WORDS.items():
@@ -112,7 +112,14 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual, shift: F
         if not (low or high):
             continue
         end = LOW[place] if low else HIGH[place]
-        if name == "bending" and _beyond(emulator, features, at, shift):
+        missed = _missed(emulator, features, at, shift) if name == "bending" else 0.0
+        if abs(missed) > _BEYOND and (missed > 0) == low:
+            raise Refused(
+                f"no cloth of the atlas drapes like this one: to hang so it would have to be "
+                f"{'limper' if low else 'stiffer'} than any, but its drape coefficient is that of a "
+                f"{'stiffer' if low else 'limper'} one; look at its silhouettes, or use another sample size"
+            )
+        if abs(missed) > _BEYOND:
             raise Refused(
                 f"this cloth is {'limper' if low else 'stiffer'} than any of the atlas, whose ln B/(rho g R^3) "
                 f"{'begins' if low else 'ends'} at {end:g}: what it differs by is no effect; use another sample size"
@@ -124,12 +131,13 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual, shift: F
     return notes
 
 
-def _beyond(emulator: Emulator, features: Features, at: Residual, shift: Float[ndarray, "rows"]) -> bool:
-    """Whether the drape coefficient lies far beyond the end of the atlas' range, also with the effects that act."""
+def _missed(emulator: Emulator, features: Features, at: Residual, shift: Float[ndarray, "rows"]) -> float:
+    """How far the drape coefficient lies above that of the base model, with the effects that act or without them,
+    whichever is nearer [sd between samples]."""
     area = STATISTICS.index("area_dc")
     missed = (np.nanmean(features.mean[:, area]) - emulator.mean(at.theta)[area]) / at.sd[area]
     explained = as_seen(shift, features.single)[FACE_EVEN][area]
-    return bool(min(abs(missed), abs(missed - explained)) > _BEYOND)
+    return float(min(missed, missed - explained, key=abs))
 
 
 def _repeated(captures: Captures) -> int:

@@ -21,6 +21,8 @@ SECTORS = 16
 EDGES = (PLATE_RADIUS, 0.105, 0.12, 0.135, CLOTH_RADIUS)
 """Radii between the rings [m], of the atlas' cloth, to which silhouettes of any other are scaled."""
 _LEVEL = 0.8  # probability of the region that is named
+_NARROW = 3.0  # least probability of the likeliest place of a patch that is named, over that of an even map
+_WIDE = "it acts in one place, but the map is nearly as wide as under noise"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,8 @@ def place(candidate: Candidate | None, white: Float[ndarray, "kept"], grids: Seq
     effect, value = candidate.hypothesis.effect, candidate.value
     if effect.located == "patch":
         table = patch_map(white, grids, effect.name)
-        return Place(table, "patch", _sector(table), _rings(table), bool(table.max() > 3 / table.size))
+        narrow = bool(table.max() > _NARROW / table.size)
+        return Place(table, "patch", _sector(table), _rings(table), narrow, "" if narrow else _WIDE)
     if effect.located == "ring":
         width = next((value[p.name] for p in effect.parameters if p.role == "size"), 0.0)
         table = np.zeros((len(RINGS), SECTORS))

@@ -71,7 +71,8 @@ class DrapeViewer {
   explain(drape, colouring, stops) {
     const words = colouring ? colouring.words : drape.words;
     this.root.querySelector("output").textContent = words;
-    this.canvas.setAttribute("aria-label", `${drape.method} on ${drape.cloth} in three dimensions. ${words}`);
+    const name = `${this.canvas.dataset.before}${drape.method}`;  // of a draw, the word before its number
+    this.canvas.setAttribute("aria-label", `${name} on ${drape.cloth} in three dimensions. ${words}`);
     const legend = this.root.querySelector(".scale");
     legend.hidden = !colouring;
     if (!colouring) return;
