@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.atlas.store import (
 )
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
-from cusick_bench.diagnosis.inference.findings.evened import evened_out
+from cusick_bench.diagnosis.inference.findings.evened import evened_out, evened_weights
 from cusick_bench.diagnosis.inference.findings.intervals import parameter_intervals
 from cusick_bench.diagnosis.inference.findings.novelty import Novelty, novelty
 from cusick_bench.diagnosis.inference.findings.verdict import finding, look_alikes, set90
@@ -25,7 +25,12 @@ from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laborator
 from cusick_bench.diagnosis.inference.residuals.feature_rows import DRIFT, FACE_EVEN, FACE_ODD, ROWS, SPREAD, faces_of
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets, fabric_sets, named_causes
+from cusick_bench.diagnosis.inference.sets.fabric_sets import (
+    FabricSets,
+    fabric_sets,
+    likeliest_candidates,
+    named_causes,
+)
 from cusick_bench.diagnosis.inference.sets.misfit import misfit_of
 from cusick_bench.diagnosis.inference.sets.refined import named_set, shared_set
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior, conditional
@@ -34,7 +39,12 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 
-SIZES = {"camera-offset": (3e-3, 120.0), "face-asymmetry": (0.35, None), "creep": (0.15, None)}
+SIZES = {
+    "camera-offset": (3e-3, 120.0),
+    "face-asymmetry": (0.35, None),
+    "creep": (0.15, None),
+    "camera-scale": (-0.03, None),
+}
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +88,7 @@ def weighed(fabric: FabricData, seed: int = 0) -> FabricSets:
 
 @pytest.fixture(scope="module")
 def three(emulator: Emulator) -> tuple[FabricData, FabricSets]:
-    fabric, _ = planted(emulator, tuple(SIZES))
+    fabric, _ = planted(emulator, ("camera-offset", "face-asymmetry", "creep"))
     return fabric, weighed(fabric)
 
 
@@ -328,6 +338,27 @@ def test_what_silhouettes_hardly_tell_apart_is_not_told_apart() -> None:
         {"camera-scale": 0.6, "cut-size": 0.4},
     )
     assert evened_out(together).sets == {("camera-scale", "cut-size"): 1.0}
+
+
+def test_look_alikes_are_stated_where_they_would_stand_in_the_place_of_what_acts(emulator: Emulator) -> None:
+    """They were stated where they mend details beside it, a cut with the wrong sign."""
+    fabric, _ = planted(emulator, ("camera-scale", "face-asymmetry"))
+    sampled = weighed(fabric)
+    evened = evened_out(sampled.posterior)
+    sets = replace(sampled, posterior=replace(evened, weight=evened_weights(sampled, evened)))
+    points, group = sets.model.points, {"camera-scale", "cut-size", "threshold", "plate-radius"}
+    members = group & set(points.names)
+    assert len(members) > 2
+    others = [point for point in sampled.posterior.best if points.name(point) not in members]
+    total = sets.model.likelihoods(others).total[:-1] + points.log_prior
+    stated = likeliest_candidates(sets)
+    for name in members:
+        own = np.flatnonzero(points.effect == points.names.index(name))
+        (point,) = (p for p in own if points.value(int(p)) == stated[name].value)
+        assert total[point] > total[own].max() - 3
+        assert sets.posterior.weight[own].sum() == pytest.approx(sets.posterior.effects[name], abs=1e-6)
+    assert stated["camera-scale"].value["error"] < 0
+    assert stated["cut-size"].value["error"] < 0, "a smaller cut looks like a smaller picture"
 
 
 def test_without_repeated_captures_creep_is_not_told_from_friction() -> None:

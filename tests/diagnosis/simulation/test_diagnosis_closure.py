@@ -187,6 +187,22 @@ def test_too_few_samples_have_pictures_but_no_gap(
     assert found.effect is not None
 
 
+@pytest.mark.parametrize("down", [slice(1, None, 2), slice(6, None)])
+def test_folds_have_each_face_in_whatever_order_samples_show_them(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch, down: slice
+) -> None:
+    """Every other sample was of one face where samples show the faces in turn, and there was no gap."""
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    every = fabric(emulator, [], NOTHING)
+    specimens = every.specimens[:12].copy()
+    lower = np.isin(np.arange(12), np.arange(12)[down])
+    specimens[lower, 0] = specimens[~lower, 1] = np.nan
+    data = replace(every, specimens=specimens, drift=every.drift[:12])
+    (found,) = closures(emulator, data, residual_of(emulator, data), [()], Draping(8))
+    assert found.gap is not None
+    assert np.isfinite(found.gap.base)
+
+
 def test_distance_to_what_is_fitted() -> None:
     generator = np.random.default_rng(1)
     near, far = generator.standard_normal((2, 14, 2, len(NAMES)))
