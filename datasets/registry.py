@@ -39,11 +39,12 @@ def _synthetic() -> Path:
 def _cusick() -> Path:
     folder = os.environ.get("CUSICK_DATA", "")
     if not folder:
+        here = "; the folder of that name here is given as ./cusick" if Path("cusick").is_dir() else ""
         raise DataNotFound(
             "the public release has no licence and is not shipped",
             where="cusick",
             remedy=f"get it from its authors ({HOME}), "
-            "then set CUSICK_DATA to its folder, or give the folder instead of a name",
+            f"then set CUSICK_DATA to its folder, or give the folder instead of a name{here}",
         )
     return Path(folder)
 

@@ -57,6 +57,20 @@ def split_rows(
     return [split for cloth in chosen for split in _leave_one_out(cloth, _samples(table, cloth))]
 
 
+def left_out_sample(table: pd.DataFrame, protocol: str, test: Sequence[int]) -> int | None:
+    """Number of the sample that a split leaves out.
+
+    Args:
+        table: Index of a data set.
+        protocol: How the samples were split.
+        test: Rows of the index that test.
+
+    Returns:
+        The sample's number within its cloth, as names of files have it; None where samples are not left out in turn.
+    """
+    return int(table["sample"].iloc[test[0]]) if protocol == LEAVE_ONE_OUT and test else None
+
+
 def paper_cloths(present: Sequence[str]) -> list[str]:
     """Sets that the paper's split is for: the named ones if there are any, else all.
 

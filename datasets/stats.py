@@ -168,7 +168,7 @@ class _Cloth:
 
 def statistics(
     dataset: DrapeDataset,
-    cloths: Sequence[str] | None = None,
+    cloths: str | Sequence[str] | None = None,
     *,
     progress: Callable[[str], None] = lambda cloth: None,
 ) -> list[ClothStatistics]:
@@ -176,7 +176,7 @@ def statistics(
 
     Args:
         dataset: The data set.
-        cloths: Names; all by default.
+        cloths: Name or names; all by default.
         progress: Called with each cloth's name when it is read.
 
     Returns:
@@ -185,7 +185,7 @@ def statistics(
     Raises:
         DataError: A name that is not there.
     """
-    wanted = list(cloths) if cloths is not None else dataset.cloths
+    wanted = dataset.cloths if cloths is None else [cloths] if isinstance(cloths, str) else list(cloths)
     for cloth in wanted:
         dataset.select(cloth=cloth)  # raises for a name that is not there
     owners = zip(dataset.table["cloth"], dataset.table["fabric"], strict=True)

@@ -10,7 +10,7 @@ line. Front and back share the vertices of the side seams, which have a place an
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -69,6 +69,11 @@ class Skirt:
     start: Float[ndarray, "vertices 3"]
     waist: Bool[ndarray, "vertices"]
     hem: Int[ndarray, "hem"]
+
+    def measures(self) -> dict[str, float]:
+        """Measures that the cut uses, by name [m]: the circular skirt has no hem of its own."""
+        measures = asdict(self.size)
+        return {name: measures[name] for name in measures if name != "hem" or self.kind != "circular"}
 
     def laid(self, field: SmoothField) -> Float[ndarray, "vertices 3"]:
         """The start with the cloth undulating across its surface; the undulation fades in below the waist.

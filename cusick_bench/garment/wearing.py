@@ -98,7 +98,7 @@ class Worn:
         found: dict[str, Any] = {
             "kind": wearing.kind, "cloth": self.cloth.name, "stiffness_from": self.cloth.source, "law": self.cloth.law,
             "areal_density_kg_m2": self.cloth.density, "vertices": pattern.mesh.vertices,
-            "faces": len(pattern.mesh.faces), "size": asdict(wearing.size),
+            "faces": len(pattern.mesh.faces), "size": pattern.measures(),
             "hip_m": 0.0 if wearing.body is None else wearing.body.hip, "seed": wearing.seed,
             "converged": bool(self.resting.all()), "spread": self.spread(), "draws": each,
         }  # fmt: skip

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.splits import left_out_sample
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.bootstrap import Estimate, geometric_mean, repeats
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
@@ -30,7 +32,9 @@ CELL_COLUMNS = (
     "value_gf_cm2_cm", "ci90_low_gf_cm2_cm", "ci90_high_gf_cm2_cm", "spread_log", "true", "ratio", "ratio_ci90_low",
     "ratio_ci90_high", "path",
 )  # fmt: skip
-"""Columns of `stiffness.csv`."""
+"""Columns of `stiffness.csv`; where samples are left out in turn, `left_out`, the sample's number, follows the seed."""
+
+_LEFT_OUT = "left_out"
 
 
 @dataclass(frozen=True)
@@ -144,21 +148,25 @@ def stiffness_rows_csv(rows: Iterable[StiffnessRow]) -> str:
     return csv_text(pd.DataFrame(stiffness_records(rows)))
 
 
-def cell_records(cells: Cells) -> list[dict[str, Any]]:
+def cell_records(cells: Cells, dataset: DrapeDataset | None = None) -> list[dict[str, Any]]:
     """Stiffness found by every cell, a record for each quantity and direction: the lines of `stiffness.csv`.
 
     Args:
         cells: From `load_cells`.
+        dataset: Data of the cells, which tell the numbers of samples that are left out in turn.
 
     Returns:
         Values by column; empty where something is not known.
     """
     records: list[dict[str, Any]] = []
-    for _, cell in cells.table.iterrows():
+    for cell in cells.table.to_dict("records"):
         found = cell.get("stiffness")
         if not isinstance(found, FoundStiffness):
             continue
         identity = {name: cell[name] for name in ("dataset", "cloth", "solver", "seed")}
+        if dataset is not None and cell["dataset_hash"] == dataset.content_hash:
+            sample = left_out_sample(dataset.table, cell["protocol"], cell["test"])
+            identity |= {} if sample is None else {_LEFT_OUT: sample}
         path = {"path": f"cells/{Path(str(cell['folder'])).name}"}
         for direction, one in found.bending.items():
             record = identity | {"quantity": "bending", "direction": direction, "unit": "N m"} | _interval("", one)
@@ -200,16 +208,21 @@ def cell_table(cells: Cells) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def stiffness_csv(cells: Cells) -> str:
+def stiffness_csv(cells: Cells, dataset: DrapeDataset | None = None) -> str:
     """`cell_records` as a table.
 
     Args:
         cells: From `load_cells`.
+        dataset: Data of the cells, which tell the numbers of samples that are left out in turn.
 
     Returns:
         Text of the file, only a heading where no cell has a stiffness.
     """
-    return csv_text(pd.DataFrame(cell_records(cells), columns=list(CELL_COLUMNS)))
+    records, after = cell_records(cells, dataset), CELL_COLUMNS.index("seed") + 1
+    if not any(_LEFT_OUT in record for record in records):
+        return csv_text(pd.DataFrame(records, columns=list(CELL_COLUMNS)))
+    columns = [*CELL_COLUMNS[:after], _LEFT_OUT, *CELL_COLUMNS[after:]]
+    return csv_text(pd.DataFrame(records, columns=columns).astype({_LEFT_OUT: "Int64"}))
 
 
 Found = dict[tuple[str, int], FoundStiffness]

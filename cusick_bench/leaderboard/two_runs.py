@@ -23,6 +23,7 @@ from cusick_bench.runner.environment import code_text
 COMPARED = ("test_mse", "train_mse", "test_hausdorff_m", "spent_forward_equivalents", "spent_wall_seconds")
 """Metrics and costs that are compared, of which smaller is better."""
 
+_HASH_DIGITS = 12  # of a hash that is shown; names are shown in full
 _LEVEL = 0.05  # of the paired test, of which only the ratio and its bootstrap interval are shown
 
 
@@ -116,10 +117,10 @@ def compare_runs(here: Cells, there: Cells, *, seed: int = 0) -> TwoRuns:
 
 
 def _require_same_data(here: Cells, there: Cells) -> None:
-    for name, words in (("dataset_hash", "data"), ("protocol", "split")):
+    for name, words, digits in (("dataset_hash", "data", _HASH_DIGITS), ("protocol", "split", None)):
         ours, theirs = (set(cells.table[name].astype(str)) for cells in (here, there))
         if ours != theirs:
-            one, other = (", ".join(sorted(value[:12] for value in values)) for values in (ours, theirs))
+            one, other = (", ".join(sorted(value[:digits] for value in values)) for values in (ours, theirs))
             raise LeaderboardError(
                 f"runs to compare must be of the same {words}, got {one} in {here.folder} and {other} in "
                 f"{there.folder}; run one of them again on the other's {words}"

@@ -19,7 +19,7 @@ from cusick_bench.problem.errors import ProblemError
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
-from cusick_bench.sim.effects import Cause, apply_all, parse
+from cusick_bench.sim.effects import Cause, apply_all, parse, require_repeatable
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.history import drop_with_history
@@ -39,9 +39,12 @@ def parse_causes(texts: Sequence[str]) -> tuple[Cause, ...]:
         The effects and the values of their parameters.
 
     Raises:
-        SimulationError: An unknown effect or parameter, or a value that is no number or out of bounds.
+        SimulationError: An unknown effect or parameter, a value that is no number or out of bounds, or an effect that
+            cannot act twice is given twice.
     """
-    return tuple(parse(text) for text in texts)
+    causes = tuple(parse(text) for text in texts)
+    require_repeatable(causes)
+    return causes
 
 
 def canonical(text: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.impossible import require_possible
+from cusick_bench.datasets.splits import left_out_sample
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
@@ -52,7 +53,8 @@ def run(
         force: Whether to use silhouettes that no cloth on the plate can show; the record says so.
 
     Returns:
-        Results in the order of the cells, each read from its file when it is asked for.
+        Results in the order of the cells, each read from its file when it is asked for; with `left_out`, the number of
+        the sample, where samples are left out in turn.
 
     Raises:
         DataError: Without `force`, a silhouette of the cells that no cloth on the plate can show.
@@ -77,7 +79,8 @@ def run(
     else:
         for cell in chosen.run(source, waiting, store, watcher):
             _record_death(cell, chosen.death, store, watcher)
-    return Results(store, cells)
+    samples = {cell.key: left_out_sample(dataset.table, cell.protocol, cell.test) for cell in cells}
+    return Results(store, cells, {key: sample for key, sample in samples.items() if sample is not None})
 
 
 def _executor(given: Executor | CellExecutor | None, workers: int) -> CellExecutor | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import Split
-from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical
+from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical, parse_causes
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled, unspaced
@@ -59,6 +59,7 @@ class ProblemSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "causes", tuple(canonical(text) for text in self.causes))
+        parse_causes(self.causes)  # refuses what cannot act together
         for name, value, options in (
             ("space", self.space, SPACES),
             ("camera", self.camera, CAMERAS),

@@ -31,6 +31,8 @@ _MAXIMUM_BYTES = 32 << 20
 _MAXIMUM_PIXELS = MAXIMUM_SIZE**2  # checked before decoding
 _SECOND_BLOB = 0.005  # a second object above this share of the cloth's area makes the image ambiguous
 _COLOUR_STEP = 24  # grey levels by which channels may differ (JPEG colour rounding)
+_FULL_SCALES = (1.0, 255.0, 65535.0)  # levels of white that are in use; the first of floating-point images only
+_OVERSHOOT = 1.5  # times full scale: more than levels reach beyond white where an image was scaled with a sharp filter
 _FAINT = 25.5  # levels: a tenth of full scale
 _OUTLINE = 4.0  # [px of a 256 px image] of grey on either side of an outline are no fault
 _PLATE_TOLERANCE = 0.95  # share of the plate's radius that a silhouette must hold
@@ -161,9 +163,11 @@ def _silent_opencv() -> Iterator[None]:
 def _levels(decoded: ndarray, paper: float) -> ndarray:
     """Grey levels 0..255, or three channels, red first, if they differ; `paper` is that of what is transparent."""
     levels = decoded
-    if decoded.dtype != np.uint8:  # 16 bit or more: scale by the type's range
+    if decoded.dtype != np.uint8:  # 16 bit or more: the levels themselves tell what white is
         levels = decoded.astype(np.float64)
-        levels = levels * (255.0 / (65535.0 if levels.max() > 255 else 255.0))
+        scales = _FULL_SCALES if decoded.dtype.kind == "f" else _FULL_SCALES[1:]
+        white = next((scale for scale in scales if levels.max() <= _OVERSHOOT * scale), scales[-1])
+        levels = np.clip(levels * (255.0 / white), 0.0, 255.0)
     if levels.ndim == 2:
         return levels
     if levels.shape[2] == 4:

@@ -15,6 +15,7 @@ from pathlib import Path
 from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files import fabrics, image, protocol
 from cusick_bench.datasets.irregularity import Irregularity
+from cusick_bench.files.first_names import first_names
 from cusick_bench.sim.cloth import obj
 
 NAMED_SETS = "bnn_image_gt"
@@ -215,11 +216,7 @@ def scan(root: str | Path) -> Layout:
         else:
             meshes.append(entry)
     if not silhouettes and not problems:
-        raise DataNotFound(
-            "holds no silhouettes",
-            where=folder,
-            remedy="expected e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.jpg`",
-        )
+        raise _no_silhouettes(folder, unused)
     used = {parent for entry in (*silhouettes, *meshes) for parent in Path(entry.path).parents if parent.name}
     layout = Layout(
         folder,
@@ -234,6 +231,23 @@ def scan(root: str | Path) -> Layout:
         if read is None or read.parent != path.parent:
             unused.append(path.relative_to(folder).as_posix())
     return replace(layout, unused=tuple(sorted(unused)))
+
+
+def _no_silhouettes(folder: Path, unused: list[str]) -> DataNotFound:
+    """What is said of a folder without silhouettes; pictures in formats that are not read are named."""
+    unread = sorted(path for path in unused if path.lower().endswith(image.UNREAD_SUFFIXES))
+    if unread:
+        formats = ", ".join(sorted({Path(path).suffix.lower() for path in unread}))
+        return DataNotFound(
+            f"holds no silhouettes in a format that is read, but pictures as {formats}: {first_names(unread)}",
+            where=folder,
+            remedy="save them as PNG, named e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.png`",
+        )
+    return DataNotFound(
+        "holds no silhouettes",
+        where=folder,
+        remedy="expected e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.jpg`",
+    )
 
 
 def _files(folder: Path, problems: list[Irregularity]) -> list[Path]:

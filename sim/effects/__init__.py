@@ -6,7 +6,7 @@ from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cusick_bench.sim.effects.base import Effect, EffectClass, Parameter, Values
-    from cusick_bench.sim.effects.registry import Cause, apply_all, effect, parse, registered
+    from cusick_bench.sim.effects.registry import Cause, apply_all, effect, parse, registered, require_repeatable
 
 NUMERICS_VERSION = 1  # raised when an effect's numbers change: see runner/numerics.py
 
@@ -20,6 +20,7 @@ __all__ = [
     "effect",
     "parse",
     "registered",
+    "require_repeatable",
 ]
 
 __getattr__ = lazy_names(
@@ -34,5 +35,6 @@ __getattr__ = lazy_names(
         "effect": "registry",
         "parse": "registry",
         "registered": "registry",
+        "require_repeatable": "registry",
     },
 )

@@ -81,6 +81,7 @@ class Effect(ABC):
             numbers.
         signed: Whether negative severities mean something.
         face_odd: Whether it acts with the opposite sign when the cloth is turned over.
+        repeatable: Whether it may be given twice; False where the second would not add to the first.
         version: Raised when it changes drapes in another way; finished cells with it are then computed again.
     """
 
@@ -94,6 +95,7 @@ class Effect(ABC):
     gradient: ClassVar[Literal["adjoint", "differences"]] = "differences"
     signed: ClassVar[bool] = True
     face_odd: ClassVar[bool] = False
+    repeatable: ClassVar[bool] = True
     version: ClassVar[int] = 1
 
     @abstractmethod

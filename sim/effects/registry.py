@@ -184,6 +184,24 @@ def parse(text: str) -> Cause:
     return Cause(found, value)
 
 
+def require_repeatable(causes: Sequence[Cause]) -> None:
+    """Makes sure that no effect is given twice which cannot act twice.
+
+    Args:
+        causes: Effects with their parameters.
+
+    Raises:
+        SimulationError: An effect that is not `Effect.repeatable` is given twice.
+    """
+    times = Counter(cause.effect.name for cause in causes)
+    for cause in causes:
+        if times[cause.effect.name] > 1 and not cause.effect.repeatable:
+            raise SimulationError(
+                f"effect {cause.effect.name} must be given once, got it {times[cause.effect.name]} times, which would "
+                f"not add up; give it once, with the {cause.effect.severity.name} of all together"
+            )
+
+
 def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
     """The setup with all causes, in order; an effect that acts once more draws random numbers of its own.
 
@@ -193,7 +211,11 @@ def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
 
     Returns:
         Another setup; the given one stays as it is.
+
+    Raises:
+        SimulationError: An effect that cannot act twice is given twice.
     """
+    require_repeatable(causes)
     seeds = {"specimen_seed": setup.specimen_seed, "laying_seed": setup.laying_seed}
     earlier: Counter[str] = Counter()
     for cause in causes:

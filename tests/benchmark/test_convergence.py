@@ -258,6 +258,16 @@ class TestCommand:
         for words in ("error points", "rim min error mm", "deflection ratio", "sd points", "ratio of -0.333"):
             assert words in done.stdout
 
+    @pytest.mark.parametrize(
+        "option", ["--density 0.192", "--bending 1.4e-5", "--draws 8", "--steps 200", "--halvings 0"]
+    )
+    def test_options_of_one_cloth_are_refused_beside_reference_drapes(self, tmp_path, option):
+        table = tmp_path / "drapes.csv"
+        table.write_text(HEADER + "0,-2,0,0.99699,149.857,149.857,-4.0192,1e-4\n")
+        done = CliRunner().invoke(app, f"convergence --reference {table} --vertices 97 {option}".split())
+        assert done.exit_code == 2
+        assert f"{option.split()[0]} is about the study of one cloth" in " ".join(done.stderr.split())
+
     def test_one_cloth_on_three_sizes(self):
         command = "convergence --vertices 97 --vertices 120 --vertices 150 --draws 3 --steps 40 --halvings 1 --meshes 2"
         done = CliRunner().invoke(app, [*command.split(), "--json"])

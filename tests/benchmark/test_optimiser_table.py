@@ -112,6 +112,8 @@ def test_one_run_of_a_published_method_is_too_few_to_compare():
     text = markdown_table(rows)
     assert "too few runs to compare: sobol" in text
     assert "nothing is published" not in text
+    assert "| sobol | 1 | -2.000 | -2.000 | -2.325 ± 0.039 |" in text
+    assert "nan" not in text
 
 
 def test_the_tables_command_can_be_typed_again_and_one_run_has_no_error(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """Simulation-based calibration: statistics on ranks that are known, fits that resume, and who cannot be calibrated."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,6 +103,19 @@ def test_a_fit_that_fails_stops_no_other_and_is_told(tmp_path: Path, monkeypatch
     assert [row["fits"] for row in document["directions"]] == [2, 2, 2]
     assert set(FitFile(tmp_path).read(replace(QUICK, fits=3))) == {0, 2}
     assert "fit 1: ValueError: singular; it is not in the table" in " ".join(result.stderr.split())
+
+
+def test_the_tables_command_can_be_typed_again(tmp_path: Path, monkeypatch) -> None:
+    def fit(plan: CalibrationPlan, number: int, simulators: object = None) -> CalibrationFit:
+        return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))
+
+    monkeypatch.setattr(calibration, "calibration_fit", fit)
+    out = tmp_path / "a folder"
+    words = ["posterior-calibration", "--solver", "bdp, draws=1", "--fits", "2", "--workers", "1", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["cusick-bench", *words])
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert f"Command: `{shlex.join(['cusick-bench', *words])}`. " in (out / "calibration.md").read_text()
 
 
 def test_a_damaged_file_says_where(tmp_path: Path) -> None:

@@ -161,6 +161,24 @@ def test_levels_that_are_no_numbers_are_refused(tmp_path, level):
         read_silhouette(tmp_path / "drape.tif")
 
 
+@pytest.mark.parametrize("white", [1.0, 255.0, 65535.0])
+@pytest.mark.parametrize("overshoot", [0.0, 0.004, 0.2])
+def test_floating_point_levels_of_any_usual_scale_are_read(tmp_path, white, overshoot):
+    """Sharp filters carry levels a little beyond white and black when they scale an image."""
+    levels = (1 - DRAPE) * white
+    levels[:4] += overshoot * white
+    levels[levels == 0] -= overshoot * white
+    Image.fromarray(levels.astype(np.float32)).save(tmp_path / "drape.tif")
+    np.testing.assert_allclose(read_silhouette(tmp_path / "drape.tif"), DRAPE, atol=1e-6)
+
+
+def test_whole_levels_that_slightly_exceed_255_are_no_16_bit(tmp_path):
+    levels = np.round(255 * (1 - DRAPE)).astype(np.int32)
+    levels[:4] += 9
+    Image.fromarray(levels).save(tmp_path / "drape.tif")
+    assert np.abs(read_silhouette(tmp_path / "drape.tif") - DRAPE).max() < 0.004
+
+
 @pytest.mark.parametrize("turn", [3, 6])
 def test_a_tiff_file_that_is_to_be_turned_is_refused(tmp_path, turn):
     """OpenCV turns it, and only it: the same picture as JPEG had another warp."""
@@ -296,6 +314,19 @@ def test_missing_and_empty_folders(tmp_path):
     file.write_text("x")
     with pytest.raises(DataNotFound, match="is a file, not a folder"):
         load(file)
+
+
+@pytest.mark.parametrize("suffix", [".webp", ".HEIC"])
+def test_a_folder_of_pictures_in_a_format_that_is_not_read(tmp_path, suffix):
+    folder = tmp_path / "data" / "Fabric 2" / "silhouettes"
+    folder.mkdir(parents=True)
+    for capture in (1, 2):
+        (folder / f"Fabric_2_Sample_1_Capture_{capture}{suffix}").write_bytes(b"a picture")
+    for look in (load, audit):
+        with pytest.raises(
+            DataNotFound, match=rf"pictures as {suffix.lower()}: .*_Capture_1{suffix}.*save them as PNG"
+        ):
+            look(tmp_path)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")

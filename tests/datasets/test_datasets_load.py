@@ -489,6 +489,18 @@ def test_a_named_sets_own_row_comes_before_that_of_its_fabric(with_named):
     assert densities["fabric_2"].tolist() == [0.2]
 
 
+def test_a_folder_that_is_called_as_the_release_is_told_how_to_be_given(monkeypatch, toy):
+    monkeypatch.delenv("CUSICK_DATA", raising=False)
+    monkeypatch.chdir(toy.parent)
+    with pytest.raises(DataError) as without:
+        load("cusick")
+    assert "./cusick" not in str(without.value)
+    toy.rename("cusick")
+    with pytest.raises(DataError, match=r"the folder of that name here is given as \./cusick"):
+        load("cusick")
+    assert len(load("./cusick"))
+
+
 def test_names(monkeypatch, toy):
     assert set(REGISTRY) >= {"synthetic", "cusick"}
     monkeypatch.delenv("CUSICK_DATA", raising=False)

@@ -46,6 +46,13 @@ def test_image_differences_equal_direct_computation(toy):
     assert (seven.silhouettes, seven.samples, seven.units, seven.unusable) == (12, 3, 6, 0)
 
 
+def test_one_cloth_may_be_given_by_its_name_alone(toy):
+    dataset = load(toy)
+    assert [one.cloth for one in statistics(dataset, "fabric_8")] == ["fabric_8"]
+    with pytest.raises(DataError, match="fabric_9"):
+        statistics(dataset, "fabric_9")
+
+
 def test_named_sets_alone_are_fabrics_of_their_own(tmp_path):
     for mean, cloth in ((0.10, "cotton_blue"), (0.13, "wool_red")):
         for sample in (1, 2):

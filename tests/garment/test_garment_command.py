@@ -45,6 +45,15 @@ def test_command_writes_meshes_pictures_motion_and_numbers(tmp_path: Path):
         assert sum(1 for _ in ImageSequence.Iterator(animation)) == 18
 
 
+@pytest.mark.parametrize(
+    ("kind", "measures"), [("circular", {"waist", "length"}), ("a-line", {"waist", "length", "hem"})]
+)
+def test_sizes_are_those_that_the_cut_uses(kind: str, measures: set[str]):
+    result = _run(*NUMBERS, *SMALL, "--kind", kind, "--draws", "1", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["size"].keys() == measures
+
+
 def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another(tmp_path: Path):
     cell = str(skirt_cell(tmp_path / "a", **learned_posterior()))
     same, again, other = (

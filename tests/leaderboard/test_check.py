@@ -338,6 +338,12 @@ class TestLeftOut:
             with pytest.raises(LeaderboardError, match=r"must have .* as in the baseline, got .*--protocol"):
                 check(now, then, Gate(("test_mse",)))
 
+    def test_splits_are_named_in_full(self, left_out):
+        table = read_cells(left_out)
+        for now, then in ((table, table.assign(protocol="paper")), (table.assign(protocol="paper"), table)):
+            with pytest.raises(LeaderboardError, match=r"leave-one-sample-out[,;]"):
+                check(now, then, Gate(("test_mse",)))
+
     def test_what_gets_worse_is_seen(self, left_out, tmp_path):
         table = read_cells(left_out)
         worse = table.assign(test_mse=table["test_mse"].where(table["solver"] != "null:copy", 1.05 * table["test_mse"]))

@@ -83,6 +83,13 @@ def test_other_data_are_refused(tmp_path):
         compare_runs(here, there)
 
 
+def test_splits_are_named_in_full(tmp_path):
+    here = load_cells(_run(tmp_path / "here", {"homo": 0.03}, protocol="leave-one-sample-out"))
+    there = load_cells(_run(tmp_path / "there", {"homo": 0.03}, protocol="paper"))
+    with pytest.raises(LeaderboardError, match=r"same split, got leave-one-sample-out in .* and paper in"):
+        compare_runs(here, there)
+
+
 def test_runs_without_a_method_in_common_are_refused(tmp_path):
     here = load_cells(_run(tmp_path / "here", {"homo": 0.03}))
     with pytest.raises(LeaderboardError, match="share no method"):

@@ -72,6 +72,21 @@ def test_a_filled_template_is_read(tmp_path):
     assert thicknesses == {1: pytest.approx(4e-4)}
 
 
+@pytest.mark.parametrize("name", ["1", "1.0", "01", "Fabric 1", "fabric_1", "FABRIC-1.00", "fabric1", "Fabric - 1"])
+def test_a_fabric_is_named_as_in_the_table_of_densities(tmp_path, name):
+    table = tmp_path / "weights.csv"
+    table.write_text(f"fabric,weight\n{name},150 g/m2\n")
+    assert read_weights(table)[0] == {1: pytest.approx(0.15)}
+
+
+@pytest.mark.parametrize("name", ["1.5", "-", "blue", "1 observations", "1e3"])
+def test_a_fabric_without_a_number_is_refused(tmp_path, name):
+    table = tmp_path / "weights.csv"
+    table.write_text(f"fabric,weight\n{name},150 g/m2\n")
+    with pytest.raises(BadPhotograph, match=r"weights\.csv, line 2: fabric must be a number"):
+        read_weights(table)
+
+
 def test_a_bad_cell_is_named_by_its_line(tmp_path):
     table = tmp_path / "weights.csv"
     table.write_text("fabric,weight\n1,150 g/m2\n2,lots\n")

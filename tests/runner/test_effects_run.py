@@ -140,6 +140,13 @@ class TestGrid:
         assert {canonical(text) for text in (full, "plate-tilt: direction=90.0, angle=2e0", canonical(full))} == {full}
         assert canonical("plate-tilt") == "plate-tilt:angle=1,direction=0"
 
+    def test_friction_that_is_given_twice_is_refused_before_anything_runs(self):
+        twice = ("shear-friction:ratio=2", "plate-tilt", "shear-friction")
+        for read in (parse_causes, lambda causes: ProblemSettings(causes=causes)):
+            with pytest.raises(SimulationError, match="effect shear-friction must be given once, got it 2 times"):
+                read(twice)
+        assert len(ProblemSettings(causes=("plate-slip", "plate-slip")).causes) == 2
+
     def test_causes_make_other_cells_and_nothing_else_does(self, data):
         (with_both,), (without,), (other,) = (_cells(data, causes) for causes in (CAUSES, (), CAUSES[:1]))
         assert len({with_both.key, without.key, other.key}) == 3

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.datasets import load
 from cusick_bench.runner import load_prediction
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -80,6 +81,37 @@ def test_table_shows_both_units_and_a_dash_where_there_is_none(cells, out):
         assert expected in text
     (line,) = [line for line in text.splitlines() if "null:disc" in line and " - " in line]
     assert "0.0" not in line
+
+
+def test_samples_that_are_left_out_in_turn_are_named(make_lab, tmp_path):
+    """By their numbers in the names of the files, whatever their rows are."""
+    lab, out = make_lab([4e-5], samples=3), tmp_path / "run"
+    for path in sorted(lab.rglob("*Sample_1*")):
+        path.rename(path.with_name(path.name.replace("Sample_1", "Sample_8")))
+    words = ["run", "--data", str(lab), "--protocol", "leave-one-sample-out", "--vertices", "97", "--steps", "6"]
+    words += ["--budget", "6", "--solver", "homo", "--out", str(out)]
+    done = CliRunner().invoke(app, [*words, "--json"])
+    assert done.exit_code == 0, done.output
+    cells = json.loads(done.stdout)["cells"]
+    for cell in cells:
+        record = json.loads((Path(cell["path"]) / "cell.json").read_text())
+        image = load(lab).index["image"][record["test"][0]]
+        assert f"Sample_{cell['left_out']}_" in image
+    assert sorted(cell["left_out"] for cell in cells) == [2, 3, 8]
+    with (out / "stiffness.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert {(line["path"], line["left_out"]) for line in lines} == {
+        (f"cells/{Path(cell['path']).name}", str(cell["left_out"])) for cell in cells
+    }
+    shown = CliRunner().invoke(app, words, env={"COLUMNS": "300"}).stdout
+    assert shown.count("left out") == 2
+    rows = [line.split("│")[4].strip() for line in shown.splitlines() if line.startswith("│")]
+    assert sorted(rows) == sorted(["2", "3", "8"] * 4)  # once, and in three directions
+
+
+def test_who_leaves_nothing_out_in_turn_says_nothing_of_it(cells, out):
+    assert all("left_out" not in cell for cell in cells.values())
+    assert "left_out" not in (out / "stiffness.csv").read_text()
 
 
 def test_a_cell_that_was_edited_is_left_out_of_the_table_with_a_note(cells, out, tmp_path):

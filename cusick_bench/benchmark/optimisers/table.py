@@ -202,7 +202,7 @@ def _markdown_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
         entries = (
             row["method"],
             str(row["runs"]),
-            f"{row['mean']:.3f} ± {row['standard_error']:.3f}",
+            f"{row['mean']:.3f}" + (f" ± {row['standard_error']:.3f}" if isfinite(row["standard_error"]) else ""),
             f"{row['median']:.3f}",
             f"{row['published_mean']:.3f} ± {row['published_standard_error']:.3f}" if theirs else "",
             f"{row['published_median']:.3f}" if isfinite(row["published_median"]) else "",

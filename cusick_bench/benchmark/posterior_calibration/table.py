@@ -6,7 +6,6 @@ OUT/calibration.md     the same to read
 """
 
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -78,12 +77,15 @@ class FitFile:
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(fit)) + "\n")
 
-    def write_table(self, rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPlan]) -> list[Path]:
+    def write_table(
+        self, rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPlan], command: str = ""
+    ) -> list[Path]:
         """Writes the table as CSV and as Markdown.
 
         Args:
             rows: From `calibration_table`, each with its `solver`.
             plans: What was fitted.
+            command: Command that made it, as it can be typed again; "" where there is none.
 
         Returns:
             Paths of the two files.
@@ -91,7 +93,7 @@ class FitFile:
         csv, text = self.out / "calibration.csv", self.out / "calibration.md"
         flat = [{**row, "ranks": " ".join(map(str, row["ranks"]))} for row in rows]
         write_atomically(csv, csv_text(pd.DataFrame(flat)).encode())
-        write_atomically(text, markdown_page(rows, plans).encode())
+        write_atomically(text, markdown_page(rows, plans, command).encode())
         return [csv, text]
 
     def _read_line(self, line: str, number: int) -> CalibrationFit:
@@ -102,12 +104,13 @@ class FitFile:
             raise CalibrationError(f"{self.path}, line {number} is no finished fit ({error}); {_REMEDY}") from error
 
 
-def markdown_page(rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPlan]) -> str:
+def markdown_page(rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPlan], command: str = "") -> str:
     """The table to read.
 
     Args:
         rows: From `calibration_table`, each with its `solver`.
         plans: What was fitted.
+        command: Command that made it, as it can be typed again; "" where there is none.
 
     Returns:
         Text.
@@ -126,6 +129,7 @@ def markdown_page(rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPla
         cells += [f"{row['p_uniform']:.2g}", f"{row['bias']:.2f}", f"{row['error']:.2f}"]
         lines.append(f"| {' | '.join(map(str, cells))} |")
     made = environment()
+    made_by = f"Command: `{command}`. " if command else ""
     return (
         "\n\n".join(
             [
@@ -134,8 +138,8 @@ def markdown_page(rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPla
                 "its posterior is right, 90 % of its 90 % intervals hold the true bending stiffness, and the truth's "
                 f"rank among draws is uniform over the {BINS} bins.",
                 "\n".join(lines),
-                f"Command: `cusick-bench {' '.join(sys.argv[1:])}`. {'. '.join(map(plan_numerics, plans))}. Hardware: "
-                f"{made['processor']}, {made['cores']} cores. Code: {code_text(made)}.",
+                f"{made_by}{'. '.join(map(plan_numerics, plans))}. Hardware: {made['processor']}, {made['cores']} "
+                f"cores. Code: {code_text(made)}.",
             ]
         )
         + "\n"

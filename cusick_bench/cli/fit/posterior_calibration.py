@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import command_line, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     LAW,
     MOST_CASES,
@@ -69,7 +69,7 @@ def posterior_calibration(
         tell(f"failed: {text}; it is not in the table")
     rows = [{"solver": plan.solver, **row} for plan, some in finished.items() for row in calibration_table(some)]
     if file is not None:
-        for path in file.write_table(rows, plans):
+        for path in file.write_table(rows, plans, command_line()):
             tell(f"wrote {path}")
     if as_json:
         plain = [{**asdict(plan), "made": [asdict(one) for one in some]} for plan, some in finished.items()]

@@ -47,6 +47,7 @@ from cusick_bench.runner import RunnerError
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 if TYPE_CHECKING:
+    from cusick_bench.datasets import DrapeDataset
     from cusick_bench.metrics.found_stiffness import FoundStiffness
     from cusick_bench.runner import Submitted
 
@@ -171,7 +172,7 @@ def run_command(
         for cell, result in zip(cells, results, strict=True):
             found.append(_stiffness(result))
             rows.append(_row(result, out / "cells" / cell.key))
-        _write_stiffness(out)
+        _write_stiffness(out, dataset)
     if json:
         print_json({"cells": rows})
     else:
@@ -213,7 +214,7 @@ def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":
         raise RunnerError(f"result.json of {result['solver']} on {result['cloth']} is damaged: {error}") from error
 
 
-def _write_stiffness(out: Path) -> None:
+def _write_stiffness(out: Path, dataset: "DrapeDataset") -> None:
     """The stiffness of all finished cells of the folder, whoever ran them."""
     from cusick_bench.leaderboard import LeaderboardError, load_cells, stiffness_csv
     from cusick_bench.runner.store import write_atomically
@@ -222,7 +223,7 @@ def _write_stiffness(out: Path) -> None:
         cells = load_cells(out)
     except LeaderboardError:  # no cell has finished
         return
-    write_atomically(out / STIFFNESS_FILE, stiffness_csv(cells).encode())
+    write_atomically(out / STIFFNESS_FILE, stiffness_csv(cells, dataset).encode())
     tell_damaged(cells)
 
 
@@ -235,6 +236,7 @@ def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
         "causes": result["settings"].get("causes", []),
         "cloth": result["cloth"],
         "seed": result["seed"],
+        **{name: result[name] for name in ("left_out",) if name in result},
         "status": result["status"],
         "failure": result["failure"],
         "train_mse": metrics.get("train_mse"),
@@ -250,12 +252,15 @@ def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
 def _table(rows: list[dict[str, Any]]) -> Table:
     from cusick_bench.runner import labelled
 
-    table = Table("cloth", "solver", "seed", "status", "train MSE", "test MSE", "Hausdorff [mm]", "drapes", "time [s]")
+    in_turn = ["left out"] if any("left_out" in row for row in rows) else []
+    numbers = ("train MSE", "test MSE", "Hausdorff [mm]", "drapes", "time [s]")
+    table = Table("cloth", "solver", "seed", *in_turn, "status", *numbers)
     for row in rows:
         table.add_row(
             row["cloth"],
             labelled(row["solver"], row["causes"]),
             str(row["seed"]),
+            *(str(row.get("left_out", "")) for _ in in_turn),
             row["status"],
             _number(row["train_mse"], ".4f"),
             _number(row["test_mse"], ".4f"),

@@ -17,18 +17,20 @@ def stiffness_table(rows: Sequence[Mapping[str, Any]], found: Sequence[FoundStif
     """The stiffness of each cell.
 
     Args:
-        rows: Cells, with `cloth`, `solver`, `causes` and `seed`.
+        rows: Cells, with `cloth`, `solver`, `causes` and `seed`, and `left_out` where samples are left out in turn.
         found: What each of them found, None without physics.
 
     Returns:
         The table.
     """
-    table = Table("cloth", "solver", "seed", "direction", title="stiffness found, with 90 % intervals")
+    in_turn = ["left out"] if any("left_out" in row for row in rows) else []
+    table = Table("cloth", "solver", "seed", *in_turn, "direction", title="stiffness found, with 90 % intervals")
     heads = ("bending [µN m]", "[gf cm²/cm]", "/ true", "stretch [N/m]", "/ true")
     for head in heads:
         table.add_column(head, justify="right")
     for row, one in zip(rows, found, strict=True):
-        identity = row["cloth"], labelled(row["solver"], row["causes"]), str(row["seed"])
+        identity = [row["cloth"], labelled(row["solver"], row["causes"]), str(row["seed"])]
+        identity += [str(row.get("left_out", "")) for _ in in_turn]
         if one is None:
             table.add_row(*identity, _NONE, *[_NONE] * len(heads))
             continue

@@ -12,15 +12,14 @@ from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
-    DENSITY,
     MOST_DRAWS,
+    MOST_STEPS,
     Clamp,
     Json,
     Law,
     LawName,
     Membrane,
     Seed,
-    Steps,
     VerticesList,
     checked_bending,
     checked_density,
@@ -32,6 +31,7 @@ from cusick_bench.cli.options import (
 )
 from cusick_bench.cli.progress import Bar, progress_bar
 from cusick_bench.cli.written_paths import room_for_picture
+from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.linear_plate import LinearPlate
@@ -50,6 +50,8 @@ _SIZES, _REFERENCE_SIZES = (297, 1205, 2699, 7496), (297, 1205, 2699)
 _SHARES = (4, 2, 1)  # parts of a drop after which it is compared with its rest
 _TIME_SIZE = 1205  # the time step is studied on the mesh whose size is nearest to this
 _MOST_HALVINGS = 8
+_DENSITY, _BENDING = 0.192, 1.4e-5  # of the cloth where none is given [kg/m2, N m]
+_DRAWS, _STEPS, _HALVINGS = 8, 200, 1  # of its study where none are given
 _MOST_MESHES = 1000
 
 
@@ -102,11 +104,20 @@ def convergence(
     law: Law = LawName.paper,
     clamp: Clamp = None,
     membrane: Membrane = None,
-    density: Annotated[float, DENSITY] = 0.192,
-    bending: Annotated[float, cloth_option(help="Bending stiffness [N m].")] = 1.4e-5,
+    density: Annotated[
+        float | None, cloth_option(help=f"Areal density [kg/m2], by default {_DENSITY:g}; not with --reference.")
+    ] = None,
+    bending: Annotated[
+        float | None, cloth_option(help=f"Bending stiffness [N m], by default {_BENDING:g}; not with --reference.")
+    ] = None,
     draws: Annotated[
-        int, simulation_option(min=2, max=MOST_DRAWS, help="Drapes per size, each with its own mesh and laying.")
-    ] = 8,
+        int | None,
+        simulation_option(
+            min=2,
+            max=MOST_DRAWS,
+            help=f"Drapes per size, each with its own mesh and laying, by default {_DRAWS}; not with --reference.",
+        ),
+    ] = None,
     meshes: Annotated[
         int,
         simulation_option(
@@ -119,10 +130,20 @@ def convergence(
             min=0, max=0.4, help="Share of the spacing by which interior vertices are moved: irregular meshes."
         ),
     ] = 0.0,
-    steps: Steps = 200,
+    steps: Annotated[
+        int | None,
+        simulation_option(
+            min=1, max=MOST_STEPS, help=f"Steps of a drop, of 0.05 s, by default {_STEPS}; not with --reference."
+        ),
+    ] = None,
     halvings: Annotated[
-        int, simulation_option(min=0, max=_MOST_HALVINGS, help="How often the time step is halved.")
-    ] = 1,
+        int | None,
+        simulation_option(
+            min=0,
+            max=_MOST_HALVINGS,
+            help=f"How often the time step is halved, by default {_HALVINGS}; not with --reference.",
+        ),
+    ] = None,
     picture: Annotated[
         Path | None, output_option(help="PNG to write: drape coefficient, folds and errors over the vertices.")
     ] = None,
@@ -137,6 +158,9 @@ def convergence(
     """
     from cusick_bench.sim.engine.settings import DrapeSettings
 
+    if reference is not None:
+        of_study = {"--density": density, "--bending": bending, "--draws": draws, "--steps": steps}
+        _require_none(of_study | {"--halvings": halvings})
     asked: dict[str, Any] = {"clamp": clamp_by_law(clamp, law), "membrane": membrane_asked(membrane)}
     resting = DrapeSettings(law=law.value, mode="equilibrium", **asked)  # or refuses the law
     hinges: ClampOfDrape = "half" if resting.half_hinges else "whole"
@@ -149,10 +173,10 @@ def convergence(
             title = f"law {law.value} against {reference.name}"
         else:
             sizes = sorted(set(vertices or _SIZES))
-            cloth = {"density": checked_density(density), "bending": checked_bending(bending)}
-            study = _Study(sizes, cloth, draws, sorted({max(steps // share, 1) for share in _SHARES}), halvings)
+            study = _study_of(sizes, density, bending, draws, steps, halvings)
             document, panels = _study_meshes(study, common, show=not as_json)
-            title = f"law {law.value}, {density:g} kg/m2, {bending:g} N m, {draws} drapes each"
+            cloth = study.cloth
+            title = f"law {law.value}, {cloth['density']:g} kg/m2, {cloth['bending']:g} N m, {study.draws} drapes each"
     if picture is not None:
         from cusick_bench.report.figures.convergence import save_convergence
 
@@ -160,6 +184,39 @@ def convergence(
         tell(f"wrote {picture}")
     if as_json:
         print_json(document)
+
+
+def _require_none(options: Mapping[str, object]) -> None:
+    """Refuses options of the study of one cloth beside a table of reference drapes."""
+    for name, value in options.items():
+        if value is not None:
+            raise CusickError(
+                f"{name} is about the study of one cloth, and --reference takes its drapes from the table; leave out "
+                "one of the two"
+            )
+
+
+def _study_of(
+    sizes: Sequence[int],
+    density: float | None,
+    bending: float | None,
+    draws: int | None,
+    steps: int | None,
+    halvings: int | None,
+) -> _Study:
+    """The study that the options ask for; None is the usual value of each."""
+    cloth = {
+        "density": checked_density(_DENSITY if density is None else density),
+        "bending": checked_bending(_BENDING if bending is None else bending),
+    }
+    asked = _STEPS if steps is None else steps
+    return _Study(
+        sizes,
+        cloth,
+        _DRAWS if draws is None else draws,
+        sorted({max(asked // share, 1) for share in _SHARES}),
+        _HALVINGS if halvings is None else halvings,
+    )
 
 
 def _study_reference(

@@ -23,6 +23,8 @@ from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, ho
 from cusick_bench.leaderboard.metric_name import GATED
 from cusick_bench.leaderboard.order import Direction, direction
 
+_HASH_DIGITS = 12  # of a hash that is shown; names are shown in full
+
 
 @dataclass(frozen=True)
 class Gate:
@@ -186,18 +188,23 @@ def metrics_of_both(run: pd.DataFrame, baseline: pd.DataFrame) -> list[str]:
 
 def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
     """Numbers on other data, splits, meshes or budgets say nothing about each other."""
-    for name, remedy in (
-        ("protocol", "run with the baseline's split (--protocol)"),
-        ("dataset_hash", "run on the data that the baseline was made on"),
-        ("settings", "run with the baseline's mesh, budget and other settings (its first lines have the command)"),
+    for name, digits, remedy in (
+        ("protocol", None, "run with the baseline's split (--protocol)"),
+        ("dataset_hash", _HASH_DIGITS, "run on the data that the baseline was made on"),
+        (
+            "settings",
+            _HASH_DIGITS,
+            "run with the baseline's mesh, budget and other settings (its first lines have the command)",
+        ),
     ):
         if name not in run or name not in baseline:
             continue
         for solver in sorted(set(run["solver"]) & set(baseline["solver"])):
             now, then = (set(_of(table, solver)[name].dropna()) for table in (run, baseline))
             if now and then and now != then:
+                asked, got = (", ".join(sorted(str(value)[:digits] for value in values)) for values in (then, now))
                 raise LeaderboardError(
-                    f"{solver} must have the baseline's {name.replace('_', ' ')} {_listed(then)}, got {_listed(now)}; "
+                    f"{solver} must have the baseline's {name.replace('_', ' ')} {asked}, got {got}; "
                     f"{remedy}, or make a new one with --write"
                 )
     for solver in sorted(set(run["solver"]) & set(baseline["solver"])):
@@ -228,10 +235,6 @@ def _require_measured(run: pd.DataFrame, baseline: pd.DataFrame, metric: str) ->
                     f"{solver} on {cloth}, seed {seed}, has no {metric} in the {name}, and the {other} has one; run it "
                     "again, or choose other metrics with --metric"
                 )
-
-
-def _listed(names: set[Any]) -> str:
-    return ", ".join(sorted(str(name)[:12] for name in names))
 
 
 def _gone(solver: str, baseline: pd.DataFrame) -> Finding:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cusick_bench.datasets.files.fabrics import fabric_key
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
@@ -47,7 +48,7 @@ def read_weights(path: Path) -> tuple[dict[int, float], dict[int, float]]:
     thicknesses: dict[int, float] = {}
     named: set[int] = set()
     for line, cells in found.rows:
-        text = cells["fabric"].strip().lower().removeprefix("fabric").strip(" _-")
+        text = fabric_key(cells["fabric"]).removeprefix("fabric").strip("_")
         where = f"{path}, line {line}"
         if not (text.isascii() and text.isdecimal()):
             raise BadPhotograph(

@@ -95,6 +95,7 @@ class BendingFriction(Effect):
         ),
     )  # fmt: skip
     signed = False
+    repeatable = False  # friction stiffens what it finds, so a second one would multiply the first
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         return setup.with_added(states=MomentFriction(float(value["ratio"])))

@@ -92,6 +92,7 @@ class ShearFriction(Effect):
         ),
     )  # fmt: skip
     signed = False
+    repeatable = False  # friction stiffens what it finds, so a second one would multiply the first
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         return setup.with_added(states=ShearStressFriction(math.radians(float(value["ratio"]))))

@@ -277,6 +277,20 @@ def test_laws_mix_in_any_order():
         assert not torch.allclose(found[0], other, atol=1e-5)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.parametrize("name", ["bending-friction", "shear-friction"])
+def test_friction_that_is_given_twice_is_refused(name):
+    """A second element would stiffen the first one, too: ratios would multiply where they should add."""
+    causes = [parse(f"{name}:ratio=2"), parse("plate-tilt"), parse(f"{name}:ratio=3")]
+    with pytest.raises(SimulationError, match=f"effect {name} must be given once, got it 2 times.*the ratio of all"):
+        apply_all(causes, _setup())
+    assert len(apply_all(causes[:2], _setup()).states) == 1
+
+
+def test_creep_and_asymmetry_may_act_twice():
+    for name in ("creep", "face-asymmetry"):
+        assert len(apply_all([parse(name), parse(name)], _setup()).states) == 2
+
+
 def test_changed_elements_share_the_analysis():
     system = DrapeSimulator(MESH).system
     sheared = replace(system.elements, face_v=2 * system.elements.face_v)
