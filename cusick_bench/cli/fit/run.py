@@ -236,7 +236,7 @@ def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
         "causes": result["settings"].get("causes", []),
         "cloth": result["cloth"],
         "seed": result["seed"],
-        **{name: result[name] for name in ("left_out",) if name in result},
+        **({"left_out": result["left_out"]} if "left_out" in result else {}),
         "status": result["status"],
         "failure": result["failure"],
         "train_mse": metrics.get("train_mse"),
