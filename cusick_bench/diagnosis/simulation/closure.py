@@ -147,7 +147,7 @@ def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, 
 
 def _halves(specimens: Float[ndarray, "samples 2 statistics"]) -> list[ndarray]:
     """Places of every other sample, of those with the same faces."""
-    shown = np.isfinite(specimens).all(2) @ [1, 2]
+    shown = np.asarray(np.isfinite(specimens).all(2)) @ np.array([1, 2])  # 3 for both faces
     order = np.argsort(shown, kind="stable")
     return [np.sort(order[0::2]), np.sort(order[1::2])]
 
