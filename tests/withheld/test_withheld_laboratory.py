@@ -17,15 +17,15 @@ from cusick_bench.withheld.suite.generate import Suite, write_case
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_thread")]
 
-_FABRICS = 3
+_FABRICS = 4
 
 
-def laboratory_with(causes: Mapping[str, Mapping[str, float]], folder: Path) -> Laboratory:
-    """What is found of three fabrics of world `paper` under the same effects."""
+def laboratory_with(causes: Mapping[str, Mapping[str, float]], first: int, folder: Path) -> Laboratory:
+    """What is found of four fabrics of world `paper` under the same effects, from a number on."""
     counts = {"null": 0, "single": _FABRICS, "pair": 0, "unknown": 0}
     suite = Suite(seed=20261128, counts=counts, vertices=450, world="paper")
     captures = []
-    for number in range(1, _FABRICS + 1):
+    for number in range(first, first + _FABRICS):
         plan = Plan(f"case_{number:04d}", number, "single", causes, 2.0, "typical")
         dataset = load(folder / write_case(suite, plan, folder))
         captures.append(read_captures(dataset, dataset.cloths[0]))
@@ -34,21 +34,22 @@ def laboratory_with(causes: Mapping[str, Mapping[str, float]], folder: Path) -> 
     return found
 
 
-def test_a_camera_out_of_plumb_is_found_and_nothing_taken_for_it(tmp_path: Path) -> None:
-    found = laboratory_with({"camera-tilt": {"angle": 6.0, "direction": 200.0}}, tmp_path)
-    (named,) = found.named
-    assert named.hypothesis.name == "camera-tilt"
-    assert named.value["angle"] == pytest.approx(6, rel=0.2)
-    assert named.value["direction"] == pytest.approx(200, abs=10)
-    assert sum(found.acting["camera-tilt"].values()) > 0.9
-
-
 def test_what_acts_is_among_the_look_alikes(tmp_path: Path) -> None:
-    found = laboratory_with({"plate-tilt": {"angle": 3.0, "direction": 60.0}}, tmp_path)
-    groups = [set(group) for group in found.acting.values()]
-    assert len(groups) == 1
-    assert "plate-tilt" in groups[0]
+    found = laboratory_with({"plate-tilt": {"angle": 3.0, "direction": 60.0}}, 1, tmp_path)
+    ((first, group),) = found.acting.items()
+    assert "plate-tilt" in (first, *group)
+    assert sum(group.values()) > 0.9
+
+
+def test_nothing_is_named_beside_what_acts(tmp_path: Path) -> None:
+    """A leaning plate and a leaning camera were, with probabilities of 76 and 62 %."""
+    found = laboratory_with({"off-centre": {"shift": 0.005, "direction": 300.0}}, 13, tmp_path)
+    (named,) = found.named
+    assert named.hypothesis.name == "off-centre"
+    assert named.value["shift"] == pytest.approx(5e-3, rel=0.2)
+    assert named.value["direction"] == pytest.approx(300, abs=10)
+    assert found.acting["off-centre"]["off-centre"] > 0.9
 
 
 def test_fabrics_without_effects_share_none(tmp_path: Path) -> None:
-    assert laboratory_with({}, tmp_path).named == ()
+    assert laboratory_with({}, 21, tmp_path).named == ()
