@@ -15,7 +15,7 @@ import pandas as pd
 from cusick_bench.files import parse_json
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells.loading import Cells, numbered_alike
-from cusick_bench.leaderboard.cells.variants import flattened, method_label, variants
+from cusick_bench.leaderboard.cells.variants import flattened, method_label, values_in_words, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text
@@ -23,7 +23,6 @@ from cusick_bench.runner.environment import code_text
 COMPARED = ("test_mse", "train_mse", "test_hausdorff_m", "spent_forward_equivalents", "spent_wall_seconds")
 """Metrics and costs that are compared, of which smaller is better."""
 
-_HASH_DIGITS = 12  # of a hash that is shown; names are shown in full
 _LEVEL = 0.05  # of the paired test, of which only the ratio and its bootstrap interval are shown
 
 
@@ -117,10 +116,10 @@ def compare_runs(here: Cells, there: Cells, *, seed: int = 0) -> TwoRuns:
 
 
 def _require_same_data(here: Cells, there: Cells) -> None:
-    for name, words, digits in (("dataset_hash", "data", _HASH_DIGITS), ("protocol", "split", None)):
+    for name, words in (("dataset_hash", "data"), ("protocol", "split")):
         ours, theirs = (set(cells.table[name].astype(str)) for cells in (here, there))
         if ours != theirs:
-            one, other = (", ".join(sorted(value[:digits] for value in values)) for values in (ours, theirs))
+            one, other = (values_in_words(name, values) for values in (ours, theirs))
             raise LeaderboardError(
                 f"runs to compare must be of the same {words}, got {one} in {here.folder} and {other} in "
                 f"{there.folder}; run one of them again on the other's {words}"

@@ -194,6 +194,19 @@ def _line(question: _Question, method: str, runs: list[Finished]) -> dict[str, A
     }
 
 
+def mean_in_words(mean: float, error: float) -> str:
+    """A mean with its standard error.
+
+    Args:
+        mean: The mean.
+        error: Its standard error; NaN of a single run.
+
+    Returns:
+        Such as "1.433 ± 0.165".
+    """
+    return f"{mean:.3f} ± {error:.3f}" if isfinite(error) else f"{mean:.3f}"
+
+
 def _markdown_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
     heads = ("method", "runs", "ours", "median", "published", "median", "z", "seconds a run")
     lines = [f"| {' | '.join(heads)} |", "| :--- |" + " ---: |" * (len(heads) - 1)]
@@ -202,9 +215,9 @@ def _markdown_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
         entries = (
             row["method"],
             str(row["runs"]),
-            f"{row['mean']:.3f}" + (f" ± {row['standard_error']:.3f}" if isfinite(row["standard_error"]) else ""),
+            mean_in_words(row["mean"], row["standard_error"]),
             f"{row['median']:.3f}",
-            f"{row['published_mean']:.3f} ± {row['published_standard_error']:.3f}" if theirs else "",
+            mean_in_words(row["published_mean"], row["published_standard_error"]) if theirs else "",
             f"{row['published_median']:.3f}" if isfinite(row["published_median"]) else "",
             f"{row['z']:+.1f}" if isfinite(row["z"]) else "",
             f"{row['seconds_per_run']:.1f}",

@@ -95,6 +95,8 @@ def _provenance() -> str:
 
 
 def _print_table(document: dict[str, Any]) -> None:
+    from cusick_bench.benchmark.optimisers.table import mean_in_words
+
     title = (
         f"best of {document['evaluations']} evaluations of {document['function']} in {document['dimension']} "
         f"dimensions, {document['runs']} runs (optimum {document['optimum']:.3f})"
@@ -106,9 +108,9 @@ def _print_table(document: dict[str, Any]) -> None:
         theirs = row["published"]
         table.add_row(
             row["method"],
-            f"{row['mean']:.3f}" + (f" ± {row['standard_error']:.3f}" if isfinite(row["standard_error"]) else ""),
+            mean_in_words(row["mean"], row["standard_error"]),
             f"{row['median']:.3f}",
-            f"{theirs['mean']:.3f} ± {theirs['standard_error']:.3f}" if theirs else "",
+            mean_in_words(theirs["mean"], theirs["standard_error"]) if theirs else "",
             f"{theirs['median']:.3f}" if theirs and theirs["median"] is not None else "",
             f"{row['z']:+.1f}" if isfinite(row["z"]) else "",
             f"{row['seconds_per_run']:.1f}",

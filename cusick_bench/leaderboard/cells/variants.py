@@ -12,6 +12,8 @@ VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
 """Columns that are the same in all cells of a row."""
 BOARD = ["dataset", "dataset_hash", "protocol"]
 """Columns that are the same in all cells of a leaderboard."""
+_HASHES = ("dataset_hash", "settings")
+_HASH_DIGITS = 12  # of a hash that is shown
 
 Problem = tuple[str, int]  # cloth, seed or number of the split and seed
 
@@ -105,3 +107,17 @@ def _own_versions(text: str, texts: Iterable[str]) -> str:
     """Versions of a row's code that differ from those of other rows."""
     others = [other.split(", ") for other in texts]
     return ", ".join(part for part in text.split(", ") if any(part not in other for other in others)) or text
+
+
+def values_in_words(column: str, values: Iterable[object]) -> str:
+    """Values of a column that tells what cells are of, for a message.
+
+    Args:
+        column: Name of the column.
+        values: Its values.
+
+    Returns:
+        The values in order; hashes shortened, names in full.
+    """
+    digits = _HASH_DIGITS if column in _HASHES else None
+    return ", ".join(sorted(str(value)[:digits] for value in values))

@@ -17,13 +17,12 @@ import pandas as pd
 from scipy import stats
 
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, repeats
+from cusick_bench.leaderboard.cells.variants import values_in_words
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
 from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, holm
 from cusick_bench.leaderboard.metric_name import GATED
 from cusick_bench.leaderboard.order import Direction, direction
-
-_HASH_DIGITS = 12  # of a hash that is shown; names are shown in full
 
 
 @dataclass(frozen=True)
@@ -188,21 +187,17 @@ def metrics_of_both(run: pd.DataFrame, baseline: pd.DataFrame) -> list[str]:
 
 def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
     """Numbers on other data, splits, meshes or budgets say nothing about each other."""
-    for name, digits, remedy in (
-        ("protocol", None, "run with the baseline's split (--protocol)"),
-        ("dataset_hash", _HASH_DIGITS, "run on the data that the baseline was made on"),
-        (
-            "settings",
-            _HASH_DIGITS,
-            "run with the baseline's mesh, budget and other settings (its first lines have the command)",
-        ),
+    for name, remedy in (
+        ("protocol", "run with the baseline's split (--protocol)"),
+        ("dataset_hash", "run on the data that the baseline was made on"),
+        ("settings", "run with the baseline's mesh, budget and other settings (its first lines have the command)"),
     ):
         if name not in run or name not in baseline:
             continue
         for solver in sorted(set(run["solver"]) & set(baseline["solver"])):
             now, then = (set(_of(table, solver)[name].dropna()) for table in (run, baseline))
             if now and then and now != then:
-                asked, got = (", ".join(sorted(str(value)[:digits] for value in values)) for values in (then, now))
+                asked, got = (values_in_words(name, values) for values in (then, now))
                 raise LeaderboardError(
                     f"{solver} must have the baseline's {name.replace('_', ' ')} {asked}, got {got}; "
                     f"{remedy}, or make a new one with --write"

@@ -79,7 +79,7 @@ def laboratory(
     exchanges.search(max(tried, key=lambda chain: chain.log_joint()))
     likeliest = exchanges.sets[exchanges.likeliest].walk.on(points)
     same = [likeliest, *(chain for chain in tried if chain.names == exchanges.likeliest)]
-    chains = [chain.on(points) for chain in sorted(same, key=lambda chain: -chain.log_joint())[:_CHAINS]]
+    chains = sorted(same, key=lambda chain: -chain.log_joint())[:_CHAINS]
     near = {point for chain in chains for point in chain.shared}
     points = [finer_shared_points(fabric, one, near) for fabric, one in zip(fabrics, points, strict=True)]
     chains = [chain.on(points) for chain in chains]
