@@ -47,7 +47,8 @@ class Trait:
 
 
 # Found by `cusick_bench.problem.population` with law `plate` at 480 vertices, from fabrics of the release that are not
-# used in any table of results, neither themselves nor as a named set.
+# used in any table of results, neither themselves nor as a named set. Its standard deviation of the curl is 4.1 /m where
+# the prior has 4 and 8.4 where it has 8, so five fabrics do not say more than that it is about 6 (which gives 6.2).
 TRAITS = {
     "bending": Trait(-0.7, 1.5),  # [log] level of all bending stiffnesses, relative to the homogeneous space's prior
     "stretch": Trait(0.9, 1.2),  # [log] level of all stretch stiffnesses, relative to that prior
@@ -55,7 +56,7 @@ TRAITS = {
     "bias": Trait(-0.1, 0.5),  # [log] bending stiffness at 45 degrees, relative to that prior
     "grain": Trait(-0.7, 0.5),  # [log] bending stiffness of the warp over that of the weft, relative to that prior
     "poisson": Trait(0.0, 1.5),  # log odds of Poisson's ratio within 0 to `MOST_POISSON`, for law `plate`; assumed
-    "curl": Trait(0.0, 4.0),  # [1/m] curvature of the rest shape, the same all over; > 0 where it rises to its face
+    "curl": Trait(0.0, 6.0),  # [1/m] curvature of the rest shape, the same all over; > 0 where it rises to its face
 }
 
 # The correlation length of the laid shape, and how much samples of one cloth differ in stiffness, were found in the
@@ -73,13 +74,13 @@ CLOTH = HOMOGENEOUS + len(TRAITS) + 2 * len(FIELDS)
 # nearest simulated cloth, root mean square over fabrics. All fabrics share a tendency towards 45 degrees, which no
 # symmetric cloth has; hence the large value of `grain_2_imaginary`.
 DISCREPANCY = {
-    "area_log_odds": 0.03,
-    "fold_depth_log": 0.08,
-    "crest_number": 0.035,
-    "fold_skewness": 0.13,
-    "grain_2_real": 0.06,
+    "area_log_odds": 0.04,
+    "fold_depth_log": 0.06,
+    "crest_number": 0.03,
+    "fold_skewness": 0.12,
+    "grain_2_real": 0.15,
     "grain_2_imaginary": 0.42,
-    "grain_4_real": 0.1,
+    "grain_4_real": 0.32,
 }
 
 

@@ -94,7 +94,10 @@ class FieldSpace(ParameterSpace):
         laying, size = FIELDS["laying"], self.cloth_radius / RELEASE.cloth_radius_m
         rows[7, length_entry("laying")], origin[7] = laying.length_sd, math.log(laying.length / size)
         weight = self.prior.density / DENSITY_REFERENCE
-        origin[0] += (BENDING_SLOPE[[0, 2]].mean() - 1) * math.log(weight) - 3 * math.log(size)
+        of_weft, of_bias, of_warp = BENDING_SLOPE * math.log(weight)
+        origin[0] += (of_warp + of_weft) / 2 - math.log(weight) - 3 * math.log(size)
+        origin[1] += of_bias - (of_warp + of_weft) / 2
+        origin[2] += of_warp - of_weft
         origin[3] -= math.log(weight * size)
         rows[6], origin[6] = rows[6] * size, origin[6] * size
         return Leading(rows, origin)
@@ -185,10 +188,10 @@ class FieldSpace(ParameterSpace):
             self.density(),
             MOST_POISSON * torch.sigmoid(trait(tau, "poisson")),
         )
-        bowl = 0.5 * torch.from_numpy((self.mesh.material**2).sum(1))
-        laid = self._raised(self.field(tau, "laying"))
-        rest = self._raised(self.field(tau, "rest") + trait(tau, "curl") * bowl)
-        return Specimen(material, initial=laid, rest_angle=dihedral_angles(rest, self.mesh.hinges))
+        ramp = torch.from_numpy(fade_in(self.mesh, self.plate_radius))  # the plate is flat
+        laid = self._raised(ramp * self.field(tau, "laying"))
+        rest = dihedral_angles(self._raised(self.field(tau, "rest")), self.mesh.hinges)
+        return Specimen(material, initial=laid, rest_angle=rest + trait(tau, "curl") * self._curled)
 
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
         """The most probable vector of a median cloth whose bending stiffnesses are all multiplied by one factor.
@@ -243,8 +246,13 @@ class FieldSpace(ParameterSpace):
         outside = np.hypot(*hinge_centres(self.mesh).T) > self.plate_radius
         return self._basis["stiffness"].numpy()[outside].mean(0)
 
+    @cached_property
+    def _curled(self) -> Float[Tensor, " hinges"]:
+        """Rest angles of a cloth of curvature 1 per metre in every direction [rad m]."""
+        slight = 1e-3  # [1/m] so that the bowl is as curved at its rim as in its middle
+        bowl = self._raised(torch.from_numpy(0.5 * slight * (self.mesh.material**2).sum(1)))
+        return dihedral_angles(bowl, self.mesh.hinges) / slight
+
     def _raised(self, height: Float[Tensor, " vertices"]) -> Float[Tensor, "vertices 3"]:
-        """The flat cloth with its overhang at a height; on the plate it is flat."""
-        ramp = torch.from_numpy(fade_in(self.mesh, self.plate_radius))
-        flat = torch.from_numpy(self.mesh.flat)
-        return torch.cat([flat[:, :2], (ramp * height)[:, None]], 1)
+        """The flat cloth with its vertices at a height."""
+        return torch.cat([torch.from_numpy(self.mesh.flat)[:, :2], height[:, None]], 1)

@@ -80,7 +80,7 @@ class BdpField(Solver):
     rate: float = 0.2
     samples: int = 0
     pace: PaceName = "steady"
-    version: ClassVar[int] = 5
+    version: ClassVar[int] = 6
     name: ClassVar[str] = "bdp-field"
     summary: ClassVar[str] = "Bayesian inference over smooth fields of stiffness, laid shape and rest shape"
     reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Murray et al. 2010"
@@ -187,6 +187,7 @@ def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
 
     space = problem.space
     radii = profile_of(problem.train_image, problem.protocol).radii
+    radii = radii if problem.scene is None else problem.scene.profile(radii)
     height = laid_like(radii, space.mesh, plate_radius=space.plate_radius).numpy()[:, 2]
     outside = fade_in(space.mesh, space.plate_radius)
     along = np.hypot(*space.mesh.material.T) - space.plate_radius

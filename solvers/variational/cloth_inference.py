@@ -111,19 +111,22 @@ class ClothInference:
         """A specimen of a drawn cloth; of two faces odd numbers lie the other way up."""
         noise = standard_normal(self.seed, INFERENCE, index, self.problem.dimension)
         specimen = drawn_specimen(self.cloths, index, noise)
-        return self._lying(specimen, index % len(self.faces))
+        return self._space.turned(specimen) if index % len(self.faces) else specimen
 
     def _lying(self, cloths: Float[np.ndarray, "*batch numbers"], face: int) -> Float[np.ndarray, "*batch numbers"]:
-        return self._space.turned(cloths) if face else cloths
+        """Cloths as the drapes of a face show them: a scene knows which way up the fitted face lies."""
+        scene = self.problem.scene
+        face_down = scene is not None and scene.side == "down"
+        return self._space.turned(cloths) if bool(face) != face_down else cloths
 
     def take(self, specimens: list[np.ndarray], statistics: list[np.ndarray]) -> None:
         """Adds drapes to those before, and learns from all of them.
 
         Args:
-            specimens: Parameter vectors of specimens, as they lie.
+            specimens: Parameter vectors of specimens, as they were draped.
             statistics: Their statistics.
         """
-        self._draped += [one[: self.cloths.shape[1]] for one in specimens]
+        self._draped += [self._lying(one[: self.cloths.shape[1]], 0) for one in specimens]
         self._levels += [float(self._space.levels(one[None])[0]) for one in specimens]
         self._statistics += statistics
         self.cloths = self._learned(self.cloths)

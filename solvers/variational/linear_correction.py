@@ -100,7 +100,7 @@ def linear_correction(
     scale = np.sqrt(pairs * share)[:, None]  # weights that add up to the effective number of pairs
     left, singular, right = np.linalg.svd(scale * (leading - centre), full_matrices=False)
     response = scale * (beyond - mean)
-    fits = [_shrunk(left, singular, column) for column in response.T]
+    fits = [_shrunk(left, singular, column, pairs - 1) for column in response.T]  # one for the mean
     along = np.stack([coefficient for coefficient, _, _ in fits], 1)
     residual = response - left * singular @ along
     freedom = np.sqrt([max(pairs - 1 - used, 1.0) for _, used, _ in fits])
@@ -115,17 +115,20 @@ def _effective(weights: Float[ndarray, " pairs"]) -> float:
     return float(weights.sum() ** 2 / (weights**2).sum())
 
 
-def _shrunk(left: ndarray, singular: ndarray, response: ndarray) -> tuple[Float[ndarray, " axes"], float, float]:
+def _shrunk(
+    left: ndarray, singular: ndarray, response: ndarray, numbers: float
+) -> tuple[Float[ndarray, " axes"], float, float]:
     """Slopes along the right singular vectors at the width of highest evidence, how many the data decide, the width.
 
-    With slopes ~ N(0, width v) and noise v, the response has covariance v (I + width X X^T); v is maximised out.
+    With slopes ~ N(0, width v) and noise v, the response has covariance v (I + width X X^T); v is maximised out. The
+    response counts for as many independent numbers as are given, which is fewer than it has where weights differ.
     """
     along = left.T @ response
     rest = float(response @ response - along @ along)
     best = (-np.inf, 0.0)
     for width in _WIDTHS:
         stretched = 1 + width * singular**2
-        noise = (rest + (along**2 / stretched).sum()) / len(response)
-        best = max(best, (-0.5 * (len(response) * np.log(noise) + np.log(stretched).sum()), width))
+        noise = (rest + (along**2 / stretched).sum()) / numbers
+        best = max(best, (-0.5 * (numbers * np.log(noise) + np.log(stretched).sum()), width))
     kept = singular**2 / (singular**2 + 1 / best[1])
     return kept * along / np.maximum(singular, 1e-300), float(kept.sum()), best[1]

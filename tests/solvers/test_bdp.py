@@ -1,6 +1,7 @@
 """Variational inference: its Gaussian, its steps, what it learns, and that a kill loses nothing."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,11 @@ import torch
 from toy_problem import toy_problem
 
 from cusick_bench.datasets.profile import drape_coefficient
-from cusick_bench.problem import Budget, DrapeProblem, Observation
+from cusick_bench.problem import Budget, DrapeProblem, FieldSpace, Observation
+from cusick_bench.problem.cloth_prior import MODES
 from cusick_bench.problem.losses import radius_profile
+from cusick_bench.problem.metering.budget import Meter
+from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.base import SolverError, silent
@@ -213,8 +217,6 @@ class TestLearning:
         assert slopes[-1]["raw"] == pytest.approx(by_scale * (1 - math.exp(-0.3)))  # of the scale, softplus(raw)
 
     def test_only_the_pixel_loss_has_a_gaussian_likelihood(self):
-        from dataclasses import replace
-
         with pytest.raises(SolverError, match="use loss=mse"):
             _solve("bdp", replace(toy_problem(space="heter"), loss="profile"))
 
@@ -237,6 +239,19 @@ class TestLearning:
             assert answer.posterior["cloths"].std(0).max() < 1.3
             learned.append(answer.posterior["cloths"].mean(0))
         assert np.abs(learned[0] - learned[1]).max() > 0.05
+
+    def test_bdp_field_lays_a_face_that_lies_down_as_its_mirror_image(self, monkeypatch):
+        """The fit of the specimen begins with the waves of the silhouette: in the cloth's frame, not the camera's."""
+        laid = []
+        monkeypatch.setattr(FieldSpace, "laid_like", lambda self, height: laid.append(height) or np.zeros(MODES))
+        problem = toy_problem(space="field")
+        for side, image in (("up", problem.train_image), ("down", problem.train_image[:, ::-1].copy())):
+            scene = Scene((), problem.simulator.mesh, problem.simulator.settings, side)
+            _solve(
+                "bdp-field,draws=1,search=0,first=1,rounds=0,refinement=0",
+                replace(problem, train_image=image, scene=scene, meter=Meter(Budget(9))),
+            )
+        assert np.corrcoef(*laid)[0, 1] > 0.98
 
     def test_bdp_field_says_what_it_knows_of_the_stiffness_so_far(self):
         """From the search of the level on, long before it has ended: median and 90 % interval."""

@@ -10,6 +10,7 @@ from toy_problem import toy_problem
 from cusick_bench.problem.cloth_prior import trait_entry
 from cusick_bench.problem.leading import LEADING
 from cusick_bench.problem.population.expected_statistics import shipped
+from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.variational.cloth_inference import ClothInference, mean_covariance
 from cusick_bench.solvers.variational.face import Scatter, share_of_specimens
@@ -59,6 +60,17 @@ class TestCorrection:
             errors["shrunk"].append(np.abs(found.slope).mean())
             errors["least squares"].append(np.abs(plain).mean())
         assert np.mean(errors["shrunk"]) < 0.5 * np.mean(errors["least squares"])
+
+    def test_pairs_that_hardly_count_change_nothing(self):
+        """A hundred more that weigh next to nothing: slopes shrink as they do without them."""
+        directions, beyond, *_ = self._pairs(30, size=0.15)
+        alone = linear_correction(directions, beyond, np.ones(30))
+        far, other, *_ = self._pairs(100, seed=1)
+        both = linear_correction(
+            np.vstack([directions, far]), np.vstack([beyond, other]), np.repeat([1.0, 1e-9], [30, 100])
+        )
+        assert both.slope == pytest.approx(alone.slope, abs=1e-4)
+        assert both.scatter == pytest.approx(alone.scatter, rel=1e-3)
 
     def test_doubt_is_the_variance_of_what_is_corrected(self):
         """Over repeated sets of pairs, at a cloth far from them, in units of the scatter."""
@@ -161,6 +173,25 @@ class TestInference:
             found[curl] = inference.cloths[:, trait_entry("curl")]
         assert found[1.0].mean() == pytest.approx(1.0, abs=0.35)
         assert found[-1.0].mean() == pytest.approx(-1.0, abs=0.35)
+
+    def test_a_face_that_lies_down_curls_the_other_way(self):
+        """Statistics of a cloth of large curl: the cloth has that curl, or the opposite if its face lies down."""
+        problem, found = toy_problem(space="field", vertices=97), []
+        leading, numbers = problem.space.leading, problem.space.specimen_level.start
+        cloth = np.zeros(numbers)
+        cloth[trait_entry("curl")] = 2.0
+        for side in ("up", "down"):
+            scene = Scene((), problem.simulator.mesh, problem.simulator.settings, side)
+            inference = ClothInference(replace(problem, scene=scene), seed=0)
+            inference.faces[0].observed = np.repeat(shipped().of(leading, cloth[None]), 12, 0)
+            specimens = np.random.default_rng(4).standard_normal((300, problem.dimension))
+            lying = specimens if side == "up" else problem.space.turned(specimens)
+            noise = 0.05 * np.random.default_rng(5).standard_normal((300, len(STATISTICS)))
+            statistics = shipped().of(leading, lying[:, :numbers], problem.space.levels(specimens)) + noise
+            inference.take(list(specimens), list(statistics))
+            found.append(inference.cloths[:, trait_entry("curl")].mean())
+        assert found[0] > 0.3
+        assert found[1] < -0.3
 
     def test_every_other_drape_lies_the_other_way_up(self, monkeypatch):
         _, drapes = self._of_both_faces(1.5, monkeypatch)
