@@ -47,8 +47,8 @@ class Trait:
 
 
 # Found by `cusick_bench.problem.population` with law `plate` at 480 vertices, from fabrics of the release that are not
-# used in any table of results, neither themselves nor as a named set. Its standard deviation of the curl is 4.1 /m where
-# the prior has 4 and 8.4 where it has 8, so five fabrics do not say more than that it is about 6 (which gives 6.2).
+# used in any table of results, neither themselves nor as a named set. It finds a standard deviation of the curl of
+# 4.1 /m where this prior has 4, of 8.4 where it has 8, and of 6.2 where it has 6.
 TRAITS = {
     "bending": Trait(-0.7, 1.5),  # [log] level of all bending stiffnesses, relative to the homogeneous space's prior
     "stretch": Trait(0.9, 1.2),  # [log] level of all stretch stiffnesses, relative to that prior

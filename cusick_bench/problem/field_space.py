@@ -52,6 +52,7 @@ class FieldSpace(ParameterSpace):
     """A homogeneous cloth with traits and random fields: 39 + 7 + 6 + 900 numbers on any mesh."""
 
     name: ClassVar[str] = "field"
+    version: ClassVar[int] = 2
 
     @property
     def dimension(self) -> int:

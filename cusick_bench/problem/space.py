@@ -44,6 +44,8 @@ class ParameterSpace(ABC):
         prior: Median and scale of the stiffness tables.
         plate_radius: Radius of the plate that the cloth lies on [m].
         cloth_radius: Nominal radius of the cloth [m].
+        name: Name of the space.
+        version: Raised by 1 whenever another specimen stands for a vector; results of before are computed again.
     """
 
     mesh: Mesh
@@ -51,6 +53,7 @@ class ParameterSpace(ABC):
     plate_radius: float = RELEASE.plate_radius_m
     cloth_radius: float = RELEASE.cloth_radius_m
     name: ClassVar[str]
+    version: ClassVar[int] = 1
     differentiable: ClassVar[bool] = True
 
     @property

@@ -268,7 +268,7 @@ def plan(
                     f"{text} learns from both faces of {split.cloth}, but effects are simulated for the face of the "
                     "first sample only; run it without --with-effect, or with --protocol paper"
                 )
-            numerics = cell_numerics(solver, own.drape, own.causes, **seen)
+            numerics = cell_numerics(solver, own.drape, own.causes, space=own.space, **seen)
             cells += [
                 Cell(
                     solver=text,

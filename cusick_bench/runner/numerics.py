@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.datasets.files import hanging_line
 from cusick_bench.problem import followed_branch
+from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.effects.base import Effect
@@ -56,6 +57,7 @@ def cell_numerics(
     drape: DrapeSettings,
     causes: tuple[str, ...] = (),
     *,
+    space: str = DEFAULT_SPACE,
     both_faces: bool = False,
     repeats: bool = False,
     pinhole: bool = False,
@@ -66,6 +68,7 @@ def cell_numerics(
         solver: Who answers; one without physics does not depend on the simulator.
         drape: How the problem's drapes are simulated.
         causes: What is simulated that the base model leaves out.
+        space: Name of the parameter space, for solvers that have no space of their own.
         both_faces: Whether samples of both faces train.
         repeats: Whether a held-out sample was captured several times.
         pinhole: Whether the camera was so near that radii are corrected for perspective.
@@ -84,6 +87,7 @@ def cell_numerics(
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
+        versions |= space_version(solver.space or space)
         acting = [parse(cause).effect for cause in causes]
         if drape.mode == "equilibrium" or any(one.kind == "contact" for one in acting):  # contact is known at rest only
             versions["branch"] = followed_branch.NUMERICS_VERSION
@@ -110,6 +114,19 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
     for law in ("paper", "plate"):  # of an atlas' cheaper drapes, and of the base model
         versions |= drape_numerics(law, with_effects=True)
     return dict(sorted((versions | _effect_versions(registered().values())).items()))
+
+
+def space_version(name: str) -> dict[str, int]:
+    """Version of a parameter space; records omit version 1.
+
+    Args:
+        name: Name of the space.
+
+    Returns:
+        The version by the part's name, or nothing.
+    """
+    version = SPACES[name].version
+    return {f"space {name}": version} if version > 1 else {}
 
 
 def _effect_versions(effects: Iterable[Effect]) -> dict[str, int]:

@@ -5,7 +5,10 @@ from dataclasses import replace
 import pytest
 from golden import PATH, changes, goldens, stored
 
-from cusick_bench.solvers.registry import registered
+from cusick_bench.problem import SPACES
+from cusick_bench.runner.numerics import cell_numerics
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.registry import make_solver, registered
 
 GOLDENS = goldens()
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -34,6 +37,16 @@ def test_every_solver_has_golden_numbers():
     families = {name.partition(":")[0] for name in checked if name.startswith("nlopt:")}
     lacking = {name for name in registered() if name not in checked and name.partition(":")[0] not in families}
     assert lacking == set()
+
+
+@pytest.mark.parametrize(
+    ("solver", "asked", "used"),
+    [("homo", "homo", "homo"), ("homo", "field", "field"), ("bdp-field", "homo", "field"), ("null:disc", "field", "")],
+)
+def test_a_cell_has_the_version_of_the_space_that_it_is_in(solver, asked, used):
+    versions = cell_numerics(make_solver(solver), DrapeSettings(), space=asked)
+    found = {name: number for name, number in versions.items() if name.startswith("space ")}
+    assert found == ({f"space {used}": SPACES[used].version} if used and SPACES[used].version > 1 else {})
 
 
 def test_a_changed_number_is_found():

@@ -40,7 +40,7 @@ from cusick_bench.photographs import NUMERICS_VERSION as PHOTOGRAPHS
 from cusick_bench.photographs import accuracy
 from cusick_bench.photographs.preparation.silhouette import silhouette
 from cusick_bench.problem import LOSSES, SPACES, Budget, StiffnessPrior, laid_like
-from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics
+from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics, space_version
 from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
@@ -252,6 +252,17 @@ def _problem() -> Values:
     return found | {"laid like an image [m]": _summary(laid)}
 
 
+def _field_space() -> Values:
+    made = SPACES["field"](disc_mesh(100), StiffnessPrior("paper", 0.3))
+    specimen = made.specimen(torch.from_numpy(0.5 * np.cos(np.arange(made.dimension))))
+    return {
+        "stretch [N/m]": _summary(specimen.material.stretch.detach()),
+        "bending [N m]": _summary(specimen.material.bending.detach()),
+        "laid [m]": _summary(specimen.initial.detach()),
+        "rest angles [rad]": _summary(specimen.rest_angle.detach()),
+    }
+
+
 def _picture(phase: float, folds: int = 7) -> np.ndarray:
     """A silhouette whose rim is two waves."""
     row, column = np.mgrid[:256, :256]
@@ -362,6 +373,7 @@ def goldens() -> dict[str, Golden]:
         "datasets": Golden({"datasets": data["datasets"], **shipped}, _datasets, EXACT),
         "perspective": Golden({"perspective": hanging_line.NUMERICS_VERSION}, _perspective, EXACT),
         "problem": Golden({"problem": problem, "datasets": data["datasets"]}, _problem, EXACT),
+        "space field": Golden({"problem": problem, **space_version("field")}, _field_space, EXACT),
         "metrics": Golden(data | shipped, _metrics, EXACT),
         "diagnosis": Golden(diagnosis_numerics(diagnosis=DIAGNOSIS) | shipped, _diagnosis, LIBRARY),
         "withheld": Golden(

@@ -203,7 +203,8 @@ def _verified(
 def _other_numerics(cell: Cell, record: dict[str, Any], dataset: DrapeDataset) -> list[str]:
     """A note where the code at hand has other numerics than the code that ran the cell."""
     solver, settings = make_solver(cell.solver), cell.settings
-    now = cell_numerics(solver, settings.drape, settings.causes, **seen_of_samples(dataset, cell.train, cell.test))
+    seen = seen_of_samples(dataset, cell.train, cell.test)
+    now = cell_numerics(solver, settings.drape, settings.causes, space=settings.space, **seen)
     if dict(cell.numerics) == now:
         return []
     then = numerics_text(dict(cell.numerics)) or str(record.get("code_version", "unknown"))
