@@ -58,7 +58,7 @@ def read_csv(
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
-                rows.append((reader.line_num, [unguarded_cell(cell.strip()) for cell in cells]))
+                rows.append((reader.line_num, [unguarded_cell(cell.lstrip()).rstrip() for cell in cells]))
     except csv.Error as error:
         raise BadFile(f"{path}, line {reader.line_num}", f"cannot be read as CSV ({error})", remedy) from error
     header = tuple(rows[0][1]) if rows else ()
