@@ -40,7 +40,19 @@ def test_what_is_read_is_what_was_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["two\nlines", "two\r\nlines", "two\rlines", "x\r=1+1", "a\x0bb", "a\x0cb", "a\x1eb", "a\x85b", "a\u2028b"]
+    "name",
+    [
+        "two\nlines",
+        "two\r\nlines",
+        "two\rlines",
+        "x\r=1+1",
+        "fabric\n# 2",
+        "a\x0bb",
+        "a\x0cb",
+        "a\x1eb",
+        "a\x85b",
+        "a\u2028b",
+    ],
 )
 def test_a_cell_with_a_line_break_is_one_cell(tmp_path, name):
     path = tmp_path / "t.csv"
