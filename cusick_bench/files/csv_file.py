@@ -1,6 +1,7 @@
 """CSV tables that others wrote: every line has the columns of the first, and no column stands twice."""
 
 import csv
+from collections.abc import Iterator
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -51,14 +52,12 @@ def read_csv(
             twice, or a line has too many cells.
     """
     text = read_text(path, most_bytes=most_bytes, remedy=remedy)
-    lines = list(StringIO(text, newline=""))  # `splitlines` would end lines at characters that cells may hold
-    if comment is not None:
-        lines = ["\n" if line.startswith(comment) else line for line in lines]
+    lines = _Lines(text, comment)
     reader, rows = csv.reader(lines, strict=True), []
     try:
-        for cells in reader:
+        while (cells := _row(lines, reader)) is not None:
             if any(cell.strip() for cell in cells):
-                rows.append((reader.line_num, [unguarded_cell(cell.strip()) for cell in cells]))
+                rows.append((reader.line_num, [unguarded_cell(cell.lstrip()).rstrip() for cell in cells]))
     except csv.Error as error:
         raise BadFile(f"{path}, line {reader.line_num}", f"cannot be read as CSV ({error})", remedy) from error
     header = tuple(rows[0][1]) if rows else ()
@@ -75,6 +74,32 @@ def read_csv(
             raise BadFile(f"{path}, line {number}", what, "correct it")
     padded = ((number, cells + [""] * (len(header) - len(cells))) for number, cells in rows[1:])
     return CsvTable(header, tuple((number, dict(zip(header, cells, strict=True))) for number, cells in padded))
+
+
+class _Lines:
+    """Lines of a table, blank in place of comments; those within a cell of several lines are no comments."""
+
+    def __init__(self, text: str, comment: str | None) -> None:
+        self._lines = StringIO(text, newline="")  # `splitlines` would end lines at characters that cells may hold
+        self._comment, self._within = comment, False
+
+    def begin_row(self) -> None:
+        """The next line begins a row."""
+        self._within = False
+
+    def __iter__(self) -> "_Lines":
+        return self
+
+    def __next__(self) -> str:
+        line, within = next(self._lines), self._within
+        self._within = True
+        return "\n" if self._comment is not None and not within and line.startswith(self._comment) else line
+
+
+def _row(lines: _Lines, reader: Iterator[list[str]]) -> list[str] | None:
+    """Cells of the next row; None after the last."""
+    lines.begin_row()
+    return next(reader, None)
 
 
 def _shown(header: tuple[str, ...]) -> str:

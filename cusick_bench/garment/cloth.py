@@ -42,6 +42,7 @@ from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.problem.scene import parse_causes
 from cusick_bench.runner.cell import stored_posterior
+from cusick_bench.runner.labels import recorded_settings
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, Law
@@ -174,8 +175,8 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
         GarmentError: No such folder, a damaged file, a predictor without stiffness, or tables of another problem.
     """
     record, arrays, density = _found_by(folder)
-    law: Any = (record.get("settings") or {}).get("drape", {}).get("law", "paper")
-    if law not in BENDING_TABLE_FACTOR:
+    law: Any = recorded_settings(record)["drape"].get("law", "paper")
+    if not isinstance(law, str) or law not in BENDING_TABLE_FACTOR:
         raise GarmentError(f"{folder / 'cell.json'}: law must be plate, paper or published, got {law!r}")
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
@@ -225,8 +226,8 @@ def density_of_cell(folder: Path) -> float:
 
 def _draped_density(record: dict[str, Any], nominal: float) -> float:
     """Areal density of the cloth that was draped, whose nominal one the prediction has [kg/m2]."""
-    causes = (record.get("settings") or {}).get("causes") or ()
-    biases = parse_causes([text for text in causes if str(text).partition(":")[0] == DensityBias.name])
+    causes = recorded_settings(record)["causes"]
+    biases = parse_causes([text for text in causes if text.partition(":")[0] == DensityBias.name])
     return nominal * math.prod(1 + float(cause.effect.complete(cause.value)["bias"]) for cause in biases)
 
 
@@ -271,9 +272,13 @@ def _read_record(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
         raise GarmentError(f"no result at {folder}; give a cell's folder of a run, OUT/cells/HASH")
     try:
-        return read_json_object(path, remedy="give a cell's folder of a run, OUT/cells/HASH, that has finished")
+        record = read_json_object(path, remedy="give a cell's folder of a run, OUT/cells/HASH, that has finished")
+        recorded_settings(record)
     except BadFile as error:
         raise GarmentError(f"cannot read {path} ({error.what}); {error.remedy}") from error
+    except ValueError as error:
+        raise GarmentError(f"{path} is damaged ({error}); run the cell again") from error
+    return record
 
 
 def _read_arrays(path: Path) -> dict[str, ndarray]:
@@ -320,7 +325,8 @@ def _pool(arrays: dict[str, ndarray], prior: StiffnessPrior, folder: Path) -> di
 
 def _of_cloths(cloths: ndarray, prior: StiffnessPrior, folder: Path) -> dict[str, ndarray]:
     """Tables of cloths drawn from a posterior."""
-    if cloths.ndim != 2 or not len(cloths) or cloths.shape[1] != CLOTH or not np.isfinite(cloths).all():
+    sound = cloths.dtype.kind == "f" and cloths.ndim == 2 and len(cloths) and cloths.shape[1] == CLOTH
+    if not sound or not np.isfinite(cloths).all():
         raise GarmentError(
             f"{folder}: posterior_cloths must be finite with shape (cloths, {CLOTH}), got {cloths.shape}; it is of "
             "another version or problem, or damaged: run the cell again"

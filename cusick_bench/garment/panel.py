@@ -17,6 +17,7 @@ _RELAXATION_SWEEPS = 40
 _JITTER = 0.2  # of the spacing; a regular grid would favour three directions
 _KEEP_OFF = 0.6  # of the spacing, between the border and the nearest vertex inside
 _SLIVER = 1e-3  # of the spacing squared: smallest face
+_FAR_APEX = 10.0  # [lengths of the piece] distance of the apex from which points are scattered about the piece alone
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,19 @@ class Sector:
     def area(self) -> float:
         """Area [m2]."""
         return 0.5 * self.opening * (self.outer**2 - self.inner**2)
+
+    @property
+    def scattered_circle(self) -> tuple[float, float]:
+        """Centre on the warp direction and radius of the circle in which points are scattered [m].
+
+        It lies about the apex, or about a piece whose apex is far away: that of a skirt hardly wider at its hem than at
+        its waist is a hundred lengths away, and points all around it would fill the memory.
+        """
+        if self.inner <= _FAR_APEX * (self.outer - self.inner):
+            return 0.0, self.outer
+        centre, half = 0.5 * (self.inner + self.outer), 0.5 * self.opening
+        corners = [np.hypot(r * np.cos(half) - centre, r * np.sin(half)) for r in (self.inner, self.outer)]
+        return centre, float(max(corners))
 
     def inside(self, points: Float[ndarray, "points 2"], margin: float) -> Bool[ndarray, "points"]:
         """Which points lie inside of the sector.
@@ -132,21 +146,32 @@ def mesh_sector(sector: Sector, spacing: float, generator: np.random.Generator) 
         np.concatenate([[inner[at]], middle, [outer[at]]]) for at, middle in zip((0, -1), between, strict=True)
     ) if between else (np.zeros(0, np.int64), np.zeros(0, np.int64))  # fmt: skip
     faces = _faces(sector, points)
-    return Panel(points, faces[_doubled_areas(points, faces) > _SLIVER * spacing**2], inner, outer, right, left)
+    return Panel(points, faces[doubled_areas(points, faces) > _SLIVER * spacing**2], inner, outer, right, left)
 
 
 def _scatter(sector: Sector, spacing: float, generator: np.random.Generator) -> Float[ndarray, "points 2"]:
     """A jittered triangular grid, turned at random, where it lies inside."""
-    count = int(np.ceil(sector.outer / spacing)) + 1
+    centre, reach = sector.scattered_circle
+    count = int(np.ceil(reach / spacing)) + 1
     row, column = np.mgrid[-2 * count : 2 * count + 1, -2 * count : 2 * count + 1]
     grid = spacing * np.column_stack([(column + 0.5 * row).ravel(), (np.sqrt(0.75) * row).ravel()])
     turn = generator.uniform(0, np.pi / 3)
     turned = grid @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     shifted = turned + generator.uniform(0, spacing, 2) + generator.normal(0, _JITTER * spacing, grid.shape)
+    shifted[:, 0] += centre
     return shifted[sector.inside(shifted, _KEEP_OFF * spacing)]
 
 
-def _doubled_areas(points: ndarray, faces: ndarray) -> ndarray:
+def doubled_areas(points: Float[ndarray, "vertices 2"], faces: Int[ndarray, "faces 3"]) -> Float[ndarray, "faces"]:
+    """Twice the signed area of every face.
+
+    Args:
+        points: Places of the vertices [m].
+        faces: Vertex indices.
+
+    Returns:
+        Areas, positive where the corners run counter-clockwise [m2].
+    """
     first, second = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
@@ -155,7 +180,7 @@ def _faces(sector: Sector, points: ndarray) -> Int[ndarray, "faces 3"]:
     """Delaunay triangles whose centroids lie inside, counter-clockwise."""
     faces = Delaunay(points).simplices.astype(np.int64)
     faces = faces[sector.inside(points[faces].mean(1), 0.0)]
-    clockwise = _doubled_areas(points, faces) < 0
+    clockwise = doubled_areas(points, faces) < 0
     faces[clockwise] = faces[clockwise][:, ::-1]
     return faces
 
@@ -164,7 +189,7 @@ def _relax(sector: Sector, points: ndarray, fixed: int) -> ndarray:
     """Moves every point behind the first `fixed` ones to the centroid of its triangle fan, again and again."""
     for _ in range(_RELAXATION_SWEEPS):
         faces = _faces(sector, points)
-        area = _doubled_areas(points, faces)
+        area = doubled_areas(points, faces)
         weighted = np.repeat(points[faces].mean(1) * area[:, None], 3, axis=0)
         total = np.bincount(faces.ravel(), np.repeat(area, 3), len(points))
         moved = [np.bincount(faces.ravel(), weighted[:, axis], len(points)) / total for axis in (0, 1)]

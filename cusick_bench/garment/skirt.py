@@ -17,12 +17,14 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
-from cusick_bench.garment.panel import Panel, Sector, mesh_sector
+from cusick_bench.garment.panel import Panel, Sector, doubled_areas, mesh_sector
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import SmoothField
 
 MINIMUM_VERTICES = 150
 _ROUND_WAIST = 8  # least number of vertices of a waist that is to be round
+_LEAST_AREA = 1e-12  # [m2] of a face in the plane
+_LEAST_FLARE = 1e-4  # by which a cone's radius grows along its length; the apex of a narrower one is too far away
 _FRONT = -np.pi / 2  # [rad] azimuth of the front panel's centre line
 
 
@@ -148,10 +150,12 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
         GarmentError: Too few vertices, or a hem that is not wider than the waist, or so wide that the cone is flatter
             than a disc.
     """
-    if not size.waist < size.hem < size.waist + size.length:
+    flare = (size.hem - size.waist) / size.length
+    if not _LEAST_FLARE <= flare <= 1 - _LEAST_FLARE:
         raise GarmentError(
-            f"the hem of an A-line skirt must be wider than its waist and narrower than waist + length, got waist "
-            f"{size.waist} m, hem {size.hem} m, length {size.length} m; give radii, not girths"
+            f"the hem of an A-line skirt must be wider than its waist and narrower than waist + length, by "
+            f"{_LEAST_FLARE * size.length:g} m at least, got waist {size.waist} m, hem {size.hem} m, length "
+            f"{size.length} m; give radii, not girths"
         )
     opening = np.pi * (size.hem - size.waist) / size.length
     apex = size.waist * size.length / (size.hem - size.waist)  # slant from the cone's tip to the waist
@@ -165,7 +169,7 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
     start = np.empty((count, 3))
     start[numbers] = _on_cone(back.points, sector, size, _FRONT + np.pi)
     start[: len(front.points)] = _on_cone(front.points, sector, size, _FRONT)
-    mesh = Mesh(start[:, :2], faces, pattern)
+    mesh = Mesh(_unfolded(start, faces, size.waist), faces, pattern)
     waist = _marked(np.concatenate([front.inner, numbers[back.inner]]), count)
     hem = np.concatenate([front.outer, numbers[back.outer[1:-1]]])
     return Skirt("a-line", size, mesh, start, waist, hem)
@@ -187,6 +191,19 @@ def _sew(front: Panel, back: Panel) -> tuple[Int[ndarray, "back"], int]:
     own = np.flatnonzero(numbers < 0)
     numbers[own] = len(front.points) + np.arange(len(own))
     return numbers, len(front.points) + len(own)
+
+
+def _unfolded(start: ndarray, faces: ndarray, waist: float) -> Float[ndarray, "vertices 2"]:
+    """The cone in the plane without folds: from above, or as a flat ring of its length.
+
+    From above, a cone hardly wider at its hem than at its waist is so narrow a ring that chords between vertices
+    fall beyond the vertices of the next row.
+    """
+    above = start[:, :2]
+    if (0.5 * doubled_areas(above, faces) > _LEAST_AREA).all():
+        return above
+    radius = np.hypot(*above.T)
+    return above * (1 + (np.hypot(radius - waist, start[:, 2]) - (radius - waist)) / radius)[:, None]
 
 
 def _on_cone(points: ndarray, sector: Sector, size: SkirtSize, centre: float) -> Float[ndarray, "vertices 3"]:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 _OPTION = re.compile(r"\s*,\s*(\w+)\s*=\s*")
 
@@ -29,6 +30,29 @@ def labelled(solver: str, causes: Sequence[str]) -> str:
         Text such as `homo + plate-tilt:angle=2`.
     """
     return " + ".join([solver, *causes])
+
+
+def recorded_settings(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings in the record or the result of a cell.
+
+    Args:
+        record: Contents of `cell.json` or `result.json`.
+
+    Returns:
+        The settings, with an object `drape` and a list `causes`, either of them empty where none is recorded.
+
+    Raises:
+        ValueError: They are of other types.
+    """
+    settings = record.get("settings") or {}
+    if not isinstance(settings, dict):
+        raise ValueError(f"settings must be an object, got {settings!r:.60}")
+    drape, causes = settings.get("drape", {}), settings.get("causes") or []
+    if not isinstance(drape, dict):
+        raise ValueError(f"settings.drape must be an object, got {drape!r:.60}")
+    if not isinstance(causes, list) or not all(isinstance(cause, str) for cause in causes):
+        raise ValueError(f"settings.causes must be a list of texts, got {causes!r:.60}")
+    return {**settings, "drape": drape, "causes": causes}
 
 
 def numerics_text(versions: Mapping[str, int]) -> str:

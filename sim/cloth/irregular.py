@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.warp import moved_pattern
 from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
 
@@ -54,7 +55,7 @@ def jittered_mesh(mesh: Mesh, share: float, *, seed: int = 0, plate_radius: floa
         if len(too_far) == 0:
             break
         move[too_far] *= 0.5
-    return Mesh(mesh.material + move, mesh.faces)
+    return Mesh(mesh.material + move, mesh.faces, moved_pattern(mesh, move))
 
 
 def _spoiling(mesh: Mesh, points: ndarray, on_plate: ndarray, plate_radius: float) -> ndarray:

@@ -137,18 +137,24 @@ def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
 
     Args:
         material: Any finite tables, e.g. Gaussian draws.
-        margin: Smallest eigenvalue and entry, as a fraction of the table's mean magnitude.
+        margin: Smallest eigenvalue and entry, as a fraction of the table's mean magnitude, > 0.
 
     Returns:
         The cloth with the least squared change; the same numbers (to solver accuracy) where it was admissible.
 
     Raises:
-        SimulationError: The programme has no solution (tables without any magnitude).
+        SimulationError: A margin of 0 or less, tables without any magnitude, or a programme that ends without a
+            solution.
     """
+    if not (np.isfinite(margin) and margin > 0):
+        raise SimulationError(f"the margin must be > 0 and finite, got {margin}: stiffness of 0 is not admissible")
     import cvxpy as cp  # slow to import, and no drape needs it
 
     table = material.stretch.detach().cpu().numpy().reshape(-1, 4)
-    scale = np.abs(table[:, [0, 2]]).mean() or 1.0
+    scale, size = float(np.abs(table[:, [0, 2]]).mean()), float(material.bending.detach().abs().mean())
+    for name, magnitude in (("stretch", scale), ("bending", size)):
+        if magnitude == 0:
+            raise SimulationError(f"{name} must have a magnitude to be projected, and all of its entries are 0")
     given = table / scale
     found = cp.Variable(given.shape)
     # [[c11, c12], [c12, c22]] >= margin I as a cone: |(c11 - c22, 2 c12)| <= c11 + c22 - 2 margin
@@ -162,7 +168,5 @@ def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
     if found.value is None:
         raise SimulationError(f"cannot project the stretch tables: the convex programme ended {problem.status}")
     stretch = torch.from_numpy(found.value * scale).reshape(material.stretch.shape)
-    floor = margin * float(material.bending.detach().abs().mean())
-    return Material(
-        stretch.to(material.stretch.device), material.bending.clamp_min(floor), material.density, material.poisson
-    )
+    bending = material.bending.clamp_min(margin * size)
+    return Material(stretch.to(material.stretch.device), bending, material.density, material.poisson)

@@ -121,17 +121,30 @@ def _way_out(mesh: Mesh, held: float) -> Float[ndarray, "vertices"]:
     return np.clip((distance - held) / np.maximum(rim - held, 1e-12), 0.0, 1.0)
 
 
+def moved_pattern(mesh: Mesh, displacement: Float[ndarray, "vertices 2"]) -> Float[ndarray, "faces 3 2"] | None:
+    """The pattern of a mesh whose material points are displaced: each face's corners move in their own grain.
+
+    Args:
+        mesh: The cloth.
+        displacement: Displacements of its material points [m].
+
+    Returns:
+        Material coordinates of every face's corners [m]; None where the mesh has no pattern of its own.
+    """
+    if mesh.pattern is None:
+        return None
+    first, own = mesh.material[mesh.faces], mesh.pattern
+    sides, images = first[:, 1:] - first[:, :1], own[:, 1:] - own[:, :1]
+    return own + displacement[mesh.faces] @ (np.linalg.inv(sides) @ images)
+
+
 def _moved(mesh: Mesh, held: float, displacement: Float[ndarray, "vertices 2"]) -> Mesh:
-    """The mesh with its material points displaced; each face's pattern goes with them, in its own grain."""
-    material, pattern = mesh.material + displacement, None
-    if mesh.pattern is not None:
-        first, own = mesh.material[mesh.faces], mesh.pattern
-        sides, images = first[:, 1:] - first[:, :1], own[:, 1:] - own[:, :1]
-        pattern = own + displacement[mesh.faces] @ (np.linalg.inv(sides) @ images)
+    """The mesh with its material points displaced, and its pattern with them."""
+    material = mesh.material + displacement
     nearest = float(np.hypot(*material[mesh.boundary].T).min())
     if not (math.isfinite(nearest) and nearest > held):
         raise SimulationError(
             f"the cloth must reach beyond the plate of radius {held:g} m, but its rim comes as near as {nearest:g} m; "
             "take a smaller severity, plate or shift"
         )
-    return Mesh(material, mesh.faces, pattern)
+    return Mesh(material, mesh.faces, moved_pattern(mesh, displacement))

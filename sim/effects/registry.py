@@ -13,7 +13,7 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
-from cusick_bench.sim.effects.base import KINDS, Effect
+from cusick_bench.sim.effects.base import KINDS, Effect, Parameter
 from cusick_bench.sim.effects.boundary.cut_size import CutSize
 from cusick_bench.sim.effects.boundary.off_centre import OffCentre
 from cusick_bench.sim.effects.boundary.plate_radius import PlateRadius
@@ -104,11 +104,12 @@ def registered() -> dict[str, Effect]:
     for name, kind in others.items():
         try:
             made = kind()
+            why = _fault(made)
         except (Exception, SystemExit) as error:  # a class of another package may raise anything
             raise_stop(error)
-            leave_out(ENTRY_POINTS, name, kind, f"cannot be made ({type(error).__name__}: {error}); mend it")
+            leave_out(ENTRY_POINTS, name, kind, f"cannot be used ({type(error).__name__}: {error}); mend it")
             continue
-        if why := _fault(made):
+        if why:
             leave_out(ENTRY_POINTS, name, kind, why)
         else:
             found[name] = made
@@ -121,6 +122,8 @@ def _fault(made: Effect) -> str:
         return f"lacks {', '.join(lacking)}; state it"
     if made.kind not in KINDS:
         return f"must be of a class (kind) among {', '.join(KINDS)}, got {made.kind!r}; correct it"
+    if odd := [parameter for parameter in made.parameters if not isinstance(parameter, Parameter)]:
+        return f"must have parameters of the class Parameter, got {odd[0]!r:.60}; correct it"
     severities = sum(parameter.role == "severity" for parameter in made.parameters)
     if severities != 1:
         return f"must have one parameter with the role severity, has {severities}; state one"

@@ -44,6 +44,12 @@ class Untypical(Idle):
     parameters = (Parameter("load", "1", 0, 1, 7.0, "none"),)
 class Undefaulted(Idle):
     parameters = (Parameter("load", "1", 0, 1, 0.5, "none"), Parameter("size", "m", 0.1, 1, 0.1, "none", role="size"))
+class Commaless(Idle):
+    parameters = (Parameter("load", "1", 0, 1, 0.5, "none"))
+class Worded(Idle):
+    parameters = ("load",)
+class Boundless(Idle):
+    parameters = (Parameter("load", "1", None, None, 0.5, "none"),)
 """
 UNFINISHED = """
 from cusick_bench.sim.effects.base import Effect
@@ -198,6 +204,9 @@ def test_a_package_does_not_take_a_built_in_name(register, group, taken):
         ("Weather", "must be of a class .kind. among material, history, boundary, contact, imaging, got 'weather'"),
         ("Untypical", "must have a typical load of 0 to 1, got 7"),
         ("Undefaulted", "must have a default size of 0.1 to 1 m, got 0"),
+        ("Commaless", "cannot be used .TypeError: 'Parameter' object is not iterable"),
+        ("Worded", "must have parameters of the class Parameter, got 'load'; correct it"),
+        ("Boundless", "cannot be used .TypeError"),
     ],
 )
 def test_an_effect_that_cannot_be_used_is_named_and_left_out(register, kind, reason):

@@ -39,13 +39,34 @@ def test_what_is_read_is_what_was_written(tmp_path):
     assert [row["cloth"] for _, row in read_csv(tmp_path / "t.csv", remedy="").rows] == names
 
 
-@pytest.mark.parametrize("name", ["two\nlines", "two\r\nlines", "a\x0bb", "a\x0cb", "a\x1eb", "a\x85b", "a\u2028b"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "two\nlines",
+        "two\r\nlines",
+        "two\rlines",
+        "x\r=1+1",
+        "fabric\n# 2",
+        "a\x0bb",
+        "a\x0cb",
+        "a\x1eb",
+        "a\x85b",
+        "a\u2028b",
+    ],
+)
 def test_a_cell_with_a_line_break_is_one_cell(tmp_path, name):
     path = tmp_path / "t.csv"
     table = pd.DataFrame({"cloth": [name, "next"], "mse": [0.5, 0.25]})
     path.write_bytes(csv_text(table).encode())
     read = [(row["cloth"], row["mse"]) for _, row in read_csv(path, remedy="", comment="#").rows]
     assert read == [(name, "0.5"), ("next", "0.25")]
+
+
+def test_a_cell_of_blanks_is_read_as_empty(tmp_path):
+    """The guard of a tab stayed, as an apostrophe in a cell of its own."""
+    path = tmp_path / "t.csv"
+    path.write_bytes(csv_text(pd.DataFrame({"cloth": ["\t", "\r", " "], "mse": [1, 2, 3]})).encode())
+    assert [row["cloth"] for _, row in read_csv(path, remedy="").rows] == ["", "", ""]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])

@@ -1,5 +1,7 @@
 """Patterns of skirts: sewn meshes, and how a circular and an A-line skirt are cut."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy import ndarray
@@ -97,6 +99,29 @@ def test_only_an_a_line_skirt_needs_a_hem_between_waist_and_length():
         assert circular_skirt(size, 300).size is size
         with pytest.raises(GarmentError, match="must be wider than its waist and narrower than waist"):
             a_line_skirt(size, 300)
+
+
+@pytest.mark.parametrize("hem", [0.13, 0.12, 0.1105, 0.1101])
+def test_an_a_line_skirt_may_be_hardly_wider_at_its_hem_than_at_its_waist(hem):
+    """Its panels' apex is up to 385 m away, and from above its cone is a ring narrower than a chord's sagitta."""
+    tracemalloc.start()
+    skirt = a_line_skirt(SkirtSize(waist=0.11, length=0.35, hem=hem), 200)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6  # [bytes]
+    mesh = skirt.mesh
+    assert mesh.vertices - len(mesh.edges) + len(mesh.faces) == 0
+    assert mesh.areas.sum() == pytest.approx(np.pi * (0.11 + hem) * 0.35, rel=0.01)
+    np.testing.assert_allclose(np.hypot(*skirt.start[skirt.hem, :2].T), hem, atol=1e-12)
+    space, flat = skirt.start[mesh.faces], mesh.corners
+    lengths = [np.linalg.norm(x - np.roll(x, 1, axis=1), axis=-1) for x in (space, flat)]
+    assert np.abs(lengths[0] / lengths[1] - 1).max() < 0.02
+
+
+def test_a_hem_as_wide_as_the_waist_is_refused_within_a_ten_thousandth_of_the_length():
+    for hem in (0.11, 0.11 + 3e-5, 0.46 - 3e-5):
+        with pytest.raises(GarmentError, match=r"by 3\.5e-05 m at least"):
+            a_line_skirt(SkirtSize(waist=0.11, length=0.35, hem=hem), 200)
 
 
 def test_the_a_line_cone_is_free_of_strain_up_to_its_chords():

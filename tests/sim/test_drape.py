@@ -90,6 +90,18 @@ def test_projection_is_the_nearest_admissible_cloth(tables: tuple):
     assert np.array_equal(found.bending.numpy(), np.maximum(bending, 1e-2 * np.abs(bending).mean()))
 
 
+def test_projection_refuses_tables_without_magnitude():
+    """Their margin is 0, and so was the bending stiffness of the projected cloth."""
+    nothing = torch.zeros(3, 5, dtype=torch.float64)
+    with pytest.raises(SimulationError, match="bending must have a magnitude"):
+        project_admissible(_material(bending=nothing))
+    with pytest.raises(SimulationError, match="stretch must have a magnitude"):
+        project_admissible(_material(stretch=torch.zeros(6, 4, dtype=torch.float64)))
+    for margin in (0.0, -1e-3, float("nan")):
+        with pytest.raises(SimulationError, match="margin must be > 0 and finite"):
+            project_admissible(_material(), margin=margin)
+
+
 def test_projection_leaves_an_admissible_cloth_alone():
     given = _material(stretch=torch.tensor([100.0, -20.0, 60.0, 10.0], dtype=torch.float64).repeat(6, 1))
     found = project_admissible(given)

@@ -10,7 +10,7 @@ from cusick_bench.files import read_json_object
 from cusick_bench.garment.cloth import density_of_cell
 from cusick_bench.identify.document import FabricIdentity, IdentifyDocument
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
-from cusick_bench.runner.labels import labelled
+from cusick_bench.runner.labels import labelled, recorded_settings
 
 _DOCUMENT = "identify.json"
 _REMEDY = "repeat the `cusick-bench run` command, which runs the cell again"
@@ -53,7 +53,7 @@ def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricM
     if fabric not in (None, cloth):
         raise ExportError(f"{folder} is a cell of {cloth!r}, not of {fabric!r}; leave out --fabric")
     try:
-        found = read_stiffness(result)
+        found, causes = read_stiffness(result), recorded_settings(result)["causes"]
     except ValueError as error:
         raise ExportError(f"{path} is damaged: {error}; {_REMEDY}") from error
     if found is None:
@@ -61,7 +61,7 @@ def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricM
             f"{folder} has no stiffness: its solver ({solver}) predicts drapes without simulating a cloth; give a cell "
             "of a solver that fits stiffness, such as homo"
         )
-    weight, causes = density_of_cell(folder), (result.get("settings") or {}).get("causes") or ()
+    weight = density_of_cell(folder)
     known = labelled(solver, causes)
     material = FabricMaterial(cloth, known, f"cell {folder.name}", weight, found.bending, found.stretch, found.curve)
     return material if density is None else material.weighing(density)

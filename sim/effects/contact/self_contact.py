@@ -32,6 +32,7 @@ class SelfContact(Effect):
         ),
     )  # fmt: skip
     signed = False
+    repeatable = False  # a cloth has one thickness: that of the last one would stand
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         return replace(setup, self_contact=float(value["thickness"]))

@@ -6,6 +6,7 @@ import pytest
 from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
+from cusick_bench.sim.effects.material.grain_skew import skewed
 from cusick_bench.sim.errors import SimulationError
 
 
@@ -50,6 +51,13 @@ def test_jitter_repeats_and_none_is_the_same_mesh():
     first, again, other = (jittered_mesh(mesh, 0.2, seed=seed).material for seed in (1, 1, 2))
     assert (first == again).all()
     assert not (first == other).all()
+
+
+def test_jitter_keeps_the_grain():
+    """Warp and weft of a skewed cloth lay along the axes again, as if it were not skewed."""
+    mesh = disc_mesh(297)
+    moved = jittered_mesh(skewed(mesh, 30.0), 0.3, seed=3)
+    np.testing.assert_allclose(moved.corners, skewed(jittered_mesh(mesh, 0.3, seed=3), 30.0).corners, atol=1e-12)
 
 
 @pytest.mark.parametrize("share", [-0.1, 0.5, float("nan")])

@@ -286,6 +286,13 @@ def test_friction_that_is_given_twice_is_refused(name):
     assert len(apply_all(causes[:2], _setup()).states) == 1
 
 
+def test_contact_that_is_given_twice_is_refused():
+    """The last thickness stood, and the first was dropped without a word."""
+    for thicknesses in ((0.001, 0.002), (0.002, 0.001)):
+        with pytest.raises(SimulationError, match="effect self-contact must be given once, got it 2 times"):
+            apply_all([parse(f"self-contact:thickness={thickness}") for thickness in thicknesses], _setup())
+
+
 def test_creep_and_asymmetry_may_act_twice():
     for name in ("creep", "face-asymmetry"):
         assert len(apply_all([parse(name), parse(name)], _setup()).states) == 2

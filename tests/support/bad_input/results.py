@@ -13,11 +13,13 @@ import numpy as np
 
 from bad_input.case import Case, Outcome, Stock
 from bad_input.odd_files import ODD
+from cusick_bench.problem.cloth_prior import CLOTH
 
 BOARD = "leaderboard {here}/run --json"
 SUBMIT = "submit {here}/run --track t --out {here}/t.csv --json"
 VERIFY = "verify {here}/run --data {here}/lab --solver null:disc --json"
 SKIRT = "garment skirt --json --vertices 200 --draws 1 --from {here}/run/cells/homo"
+MATERIAL = "export material {here}/run/cells/homo --for clo --out {here}/clo"
 AGAIN = "run --json --data {here}/lab --out {here}/run --vertices 97 --steps 10 --budget 4 --solver null:disc"
 
 Change = Callable[[dict[str, Any]], Any]
@@ -257,8 +259,29 @@ _PREDICTIONS: dict[str, tuple[bytes, str]] = {
         ),
         "posterior",
     ),
+    "cloths of texts": (
+        arrays(stretch=np.ones((6, 4)), posterior_cloths=np.full((2, CLOTH), "a"), **_table),
+        "posterior_cloths",
+    ),
     "posterior a number": (arrays(stretch=np.ones((6, 4)), posterior_mean=np.array(1.0), **_table), "posterior"),
 }
+
+
+_SETTINGS: dict[str, Any] = {
+    "settings a list": [1],
+    "settings as text": "none",
+    "drape null": {"drape": None},
+    "law a list": {"drape": {"law": ["paper"]}},
+    "causes a number": {"causes": 5},
+    "causes as text": {"causes": "density-bias"},
+    "causes of objects": {"causes": [{"density-bias": 0.1}]},
+}
+
+
+def _settings(name: str, settings: Any, here: Path, stock: Stock) -> None:
+    run = stock.copy_run(here)
+    path = cell(run, "homo").rename(run / "cells" / "homo") / name
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"settings": settings}))
 
 
 def _prediction(content: bytes | Callable[[Path], None], here: Path, stock: Stock) -> None:
@@ -333,6 +356,15 @@ CASES = [
     *(
         Case(f"prediction.npz: {n}", SKIRT, partial(_prediction, c), refused=said)
         for n, (c, said) in _PREDICTIONS.items()
+    ),
+    *(
+        Case(f"skirt of cell.json: {n}", SKIRT, partial(_settings, "cell.json", c), refused="settings|law must be")
+        for n, c in _SETTINGS.items()
+    ),
+    *(
+        Case(f"material of result.json: {n}", MATERIAL, partial(_settings, "result.json", c), refused="settings")
+        for n, c in _SETTINGS.items()
+        if n != "law a list"  # of which a material needs nothing
     ),
     *(
         Case(f"stopped with {n}", _AGAIN_HOMO, partial(_resumed, name, c), right=_homo_done)
