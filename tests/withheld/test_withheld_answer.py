@@ -228,6 +228,17 @@ def test_oracle_closure_is_judged(small_suite: Path, small_answers: Path, tmp_pa
     assert any(figure["cases"] == 1 for figure in closure), "the closure of the oracle is what answers are held against"
 
 
+def test_a_case_of_several_fabrics_is_refused(tmp_path: Path, small_suite: Path) -> None:
+    """An answer from the first of them would be taken for one to the case."""
+    case = shutil.copytree(small_suite / "cases" / "case_0001", tmp_path / "cases" / "case_0001")
+    other = shutil.copytree(case / "Fabric 1", case / "Fabric 2")
+    for path in sorted(other.rglob("*.jpg")):
+        path.rename(path.with_name(path.name.replace("Fabric_1", "Fabric_2")))
+    found = answer_suite(tmp_path / "cases", tmp_path / "answers.json", SHIPPED, QUICK).answers["case_0001"]
+    assert found.verdict == "refused"
+    assert "a case must hold one fabric, got 2: fabric_1, fabric_2" in found.refused
+
+
 def test_folder_without_cases(tmp_path: Path) -> None:
     with pytest.raises(WithheldError, match="no case folders"):
         case_folders(tmp_path / "nothing")
