@@ -75,6 +75,12 @@ def test_numbers_of_the_document_are_on_the_page(pages):
     assert "62 times in 100" in pages["none"].text
 
 
+def test_the_gap_is_not_said_to_be_between_equal_numbers_of_samples(pages):
+    """Half of a fabric's samples are unseen; how many are simulated is `--samples`."""
+    caption = pages["effect"].text.split("The gap compares")[1].split("floor")[0]
+    assert "unseen samples with those of simulated ones" in caption
+
+
 def test_a_cloth_is_said_to_be_fitted_with_or_without_causes(pages, profiles, tmp_path):
     assert "Fitted without any cause." in pages["none"].text
     made = document(profiles) | {"effects": ["off-centre"], "with_effect": ["off-centre:shift=0.008,direction=40"]}
