@@ -20,6 +20,7 @@ from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fab
 from cusick_bench.diagnosis.inference.findings.budget import Budget
 from cusick_bench.diagnosis.inference.findings.intervals import ParameterInterval, parameter_intervals
 from cusick_bench.diagnosis.inference.findings.novelty import Novelty
+from cusick_bench.diagnosis.inference.findings.one_face import FacesShown
 from cusick_bench.diagnosis.inference.findings.verdict import Verdict
 from cusick_bench.diagnosis.inference.residuals.feature_rows import as_seen
 from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
@@ -162,6 +163,7 @@ def diagnose(
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)
+    shown = FacesShown(evidence.features.single, captures.warp_seen_down)
     return Diagnosis(
         fabric=captures.fabric,
         verdict=found.verdict,
@@ -172,9 +174,9 @@ def diagnose(
         set90=found.set90,
         effects=found.effects,
         groups=found.groups,
-        causes=evidence.causes,
-        intervals=parameter_intervals(sets.model.points, sets.posterior),
-        best=evidence.best,
+        causes=tuple(map(shown.on_the_bench, evidence.causes)),
+        intervals=parameter_intervals(sets.model.points, sets.posterior, shown),
+        best={name: shown.on_the_bench(one) for name, one in evidence.best.items()},
         shared=tuple(of_laboratory),
         budget=evidence.budget,
         novelty=evidence.novelty,

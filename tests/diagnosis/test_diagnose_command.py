@@ -59,6 +59,20 @@ def test_probabilities_of_the_table_stand_in_the_order_of_the_effects(diagnosed,
     assert [part.split(":")[0] for part in row["parameters"].split("; ")] == ["creep", "off-centre"]
 
 
+@pytest.mark.parametrize("budget", [[], [{"effect": "creep", "share": 0.7, "ci90": [0.6, 0.8]}]])
+def test_nothing_is_said_to_be_unexplained_where_no_effect_explains_a_share(monkeypatch, tmp_path, budget):
+    """Where no effect is found there may still be a gap in units of noise, which the base model's misfit takes."""
+    left = 1.0 - sum(one["share"] for one in budget)
+    made = document(NO_PROFILES, "none") | {"budget": budget, "unexplained": {"share": left, "ci90": [left, left]}}
+    diagnosis = SimpleNamespace(shared=None, together=list, document=lambda name, **asked: parsed(made))
+    monkeypatch.setattr(data_set, "data_set_diagnosis", lambda captures, *asked: diagnosis)
+    finished = CliRunner().invoke(app, ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path)])
+    assert finished.exit_code == 0, finished.output
+    (written,) = tmp_path.rglob("diagnosis.html")
+    assert ("unexplained of the gap" in finished.output) == bool(budget)
+    assert ("<dt>unexplained</dt>" in written.read_text()) == bool(budget)
+
+
 def test_cloths_whose_names_differ_in_punctuation_have_folders_of_their_own(diagnosed, tmp_path):
     names = ["silk (a)", "silk [a]", "silk_a_"]
     for number, name in enumerate(names):

@@ -128,6 +128,25 @@ def test_a_direction_that_turns_over_with_the_cloth_is_told(laboratories, frame)
     assert listed.turns_with_cloth == (frame == "cloth")
 
 
+@pytest.mark.parametrize(("face", "direction"), [("up", 30), ("down", 150)])
+def test_one_face_does_not_tell_whether_a_direction_turns_over_with_the_cloth(laboratories, face, direction):
+    """It is stated on the bench: a cloth that was turned over about y is seen there as a mirror image."""
+    emulator, _ = load_uncalibrated()
+    known = next(one for one in hypotheses(emulator) if (one.name, one.frame) == ("off-centre", "cloth"))
+    shared = (Candidate(known, {"shift": 0.004, "direction": 30.0}, 0.0, 0.0, 0.0),)
+    nominal = captures(laboratories, "release")
+    shown = nominal.select(nominal.side == face)
+    made = document(
+        diagnose(shown, emulator, options=Options(samples=0), shared=shared), shown, emulator, command="", version=""
+    )
+    assert f"off-centre:shift=0.004,direction={direction}" in made.with_effect
+    assert any("one face only" in note for note in made.notes)
+    assert not any("turns over with the cloth" in note for note in made.notes)
+    (listed,) = (one for one in made.causes if one.effect == "off-centre")
+    assert not listed.turns_with_cloth
+    assert listed.parameters["direction"].value == pytest.approx(direction)
+
+
 def test_perspective_is_taken_out_and_said(laboratories):
     ours, nominal = captures(laboratories, "near camera"), captures(laboratories, "release")
     assert np.abs(ours.radii - nominal.radii).mean() < 1.5e-3

@@ -218,6 +218,14 @@ def test_difference_of_outlines_ignores_folds_and_knows_chance():
     assert by_chance[1] == pytest.approx(0.003, rel=1e-6)
 
 
+def test_pictures_of_one_drape_do_not_lower_what_chance_makes():
+    base = [{"side": "up", "sample": number, "radii_m": [0.12] * 360} for number in (1, 2, 3)]
+    once = [{"side": "up", "sample": number, "radii_m": [0.12 + 0.001 * number] * 360} for number in (1, 2, 3)]
+    found = [mean_difference(read({"data": times * once, "base": base}), "base") for times in (1, 2, 4)]
+    expected = 0.001 / np.sqrt(3)  # samples 1 mm apart, the mean of three
+    assert [one and one[1] for one in found] == pytest.approx([expected] * 3)
+
+
 def lines(axes: Axes, colour: str) -> list[np.ndarray]:
     """Values of the lines of a colour."""
     return [np.asarray(line.get_ydata()) for line in axes.lines if same_color(line.get_color(), colour)]

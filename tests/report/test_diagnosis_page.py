@@ -75,6 +75,12 @@ def test_numbers_of_the_document_are_on_the_page(pages):
     assert "62 times in 100" in pages["none"].text
 
 
+def test_the_gap_is_not_said_to_be_between_equal_numbers_of_samples(pages):
+    """Half of a fabric's samples are unseen; how many are simulated is `--samples`."""
+    caption = pages["effect"].text.split("The gap compares")[1].split("floor")[0]
+    assert "unseen samples with those of simulated ones" in caption
+
+
 def test_a_cloth_is_said_to_be_fitted_with_or_without_causes(pages, profiles, tmp_path):
     assert "Fitted without any cause." in pages["none"].text
     made = document(profiles) | {"effects": ["off-centre"], "with_effect": ["off-centre:shift=0.008,direction=40"]}
@@ -118,6 +124,29 @@ def test_closure_that_may_be_nothing_is_said_so(pages):
     assert "may close nothing at all" in pages["patch"].text
     assert "may close nothing at all" not in pages["effect"].text
     assert "There is no gap to close" in pages["none"].text
+
+
+def test_a_gap_that_was_not_measured_is_not_denied(tmp_path):
+    made = small_document() | {"verdict": "none", "closure": {}, "gap": {"p": 0.6}}
+    text = page(made, tmp_path).text
+    assert "The gap was not measured" in text
+    assert "Not given: the gap was not measured." in text
+    assert "no gap to close" not in text
+
+
+@pytest.mark.parametrize("verdict", ["ambiguous", "unknown"])
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ([], "cause was named that could be simulated"),
+        (["plate-tilt:angle=3"], "Not given: the cause was not simulated"),
+        (["plate-tilt:angle=3", "camera-scale:error=0.01"], "Not given: the causes were not simulated"),
+    ],
+)
+def test_causes_that_stand_for_look_alikes_can_be_simulated(verdict, arguments, reason, tmp_path):
+    """The likeliest of a group is held by models, though it is not named."""
+    made = small_document() | {"verdict": verdict, "closure": {}, "with_effect": arguments, "effects": []}
+    assert reason in page(made, tmp_path).text
 
 
 def test_unknown_cause_sends_nobody_to_useless_measurements(tmp_path):

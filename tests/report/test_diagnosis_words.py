@@ -10,7 +10,13 @@ from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
 from cusick_bench.report.diagnosis.sections.statistics import ShownStatistic, statistic_table
 from cusick_bench.report.diagnosis.wording.effect_words import physics, signature
 from cusick_bench.report.diagnosis.wording.number_format import measure, percent, plain
-from cusick_bench.report.diagnosis.wording.words import cloth_in_words, entropy_of, statistic_name, worth
+from cusick_bench.report.diagnosis.wording.words import (
+    cloth_in_words,
+    data_in_words,
+    entropy_of,
+    statistic_name,
+    worth,
+)
 from cusick_bench.sim.effects import registered
 from cusick_bench.sim.laws.plate import curvature_shares, plate_stiffness
 
@@ -27,6 +33,28 @@ def test_cloth_in_words_is_the_base_models_cloth():
     ratio = float(material.bending[0, 0] / material.bending[2, 0])
     assert values["factor between the bending stiffness of the two"] == f"× {ratio:.2f}"
     assert len(cloth_in_words(BaseParameters(bending=-6.5), DataCounts())) == 1
+
+
+@pytest.mark.parametrize(("micro", "shown"), [(8.04, "8"), (73.4, "73"), (99.8, "100"), (124.3, "124")])
+def test_stiffness_is_written_without_exponent(micro, shown):
+    data = DataCounts(areal_density_kg_m2=0.4)
+    weight = 0.4 * data.gravity_m_s2 * data.cloth_radius_m**3
+    rows = cloth_in_words(BaseParameters(bending=np.log(1e-6 * micro / weight)), data)
+    assert rows[1] == ("", f"{shown} µN m", "at 400 g/m²")
+
+
+@pytest.mark.parametrize(
+    ("up", "down", "faces"),
+    [
+        (24, 24, "(24 face up and 24 face down)"),
+        (48, 0, "(48 face up and 0 face down)"),
+        (0, 0, "(48 whose face is not known)"),
+        (24, 0, "(24 face up and 24 whose face is not known)"),
+    ],
+)
+def test_pictures_whose_face_is_not_known_are_counted(up, down, faces):
+    counts = DataCounts(samples=12, captures=48, up=up, down=down, later=24)
+    assert data_in_words(counts).startswith(f"12 samples, 48 pictures {faces}, 24 repeats")
 
 
 def test_the_ratio_of_stiffness_is_that_of_weft_to_warp():

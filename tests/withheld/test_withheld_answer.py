@@ -183,6 +183,23 @@ def test_bad_cases_get_no_confident_answer(small_suite: Path, tmp_path: Path, on
     assert all(probability < 0.5 for name, probability in found.causes if name in EFFECTS), found.causes
 
 
+@pytest.mark.parametrize(
+    ("label", "message"),
+    [
+        ({"effect": "creep", "severity": 0.6}, "the label of case_0001 lacks loss of creep"),
+        ({"effect": "plate-tilt", "parameters": {"angle": 2}}, "the label of case_0001 lacks direction of plate-tilt"),
+        ({"effect": ["creep", "camera-scale"], "severity": [0.6, 0.1]}, "lacks loss of creep"),
+        ({"effect": ["creep", "camera-scale"], "parameters": {"loss": 0.6}}, "lacks error of camera-scale"),
+    ],
+)
+def test_what_a_label_leaves_out_is_not_taken_as_typical(tmp_path: Path, label: dict, message: str) -> None:
+    (tmp_path / "cases" / "case_0001").mkdir(parents=True)
+    labels = {"case_0001": LabelDocument.model_validate(label)}
+    with pytest.raises(WithheldError, match=message):
+        oracle_closures(tmp_path / "cases", labels, tmp_path / "oracle.json", SHIPPED, Draping(2))
+    assert not (tmp_path / "oracle.json").exists()
+
+
 @pytest.mark.slow
 def test_oracle_closure_is_judged(small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None) -> None:
     """The true cause with its true parameters; nulls have none, effects that the atlas lacks have no closure."""
@@ -209,6 +226,17 @@ def test_oracle_closure_is_judged(small_suite: Path, small_answers: Path, tmp_pa
     assert result.exit_code == 0, result.output
     closure = [f for f in json.loads(result.stdout)["figures"] if f["name"] == "closure within .1"]
     assert any(figure["cases"] == 1 for figure in closure), "the closure of the oracle is what answers are held against"
+
+
+def test_a_case_of_several_fabrics_is_refused(tmp_path: Path, small_suite: Path) -> None:
+    """An answer from the first of them would be taken for one to the case."""
+    case = shutil.copytree(small_suite / "cases" / "case_0001", tmp_path / "cases" / "case_0001")
+    other = shutil.copytree(case / "Fabric 1", case / "Fabric 2")
+    for path in sorted(other.rglob("*.jpg")):
+        path.rename(path.with_name(path.name.replace("Fabric_1", "Fabric_2")))
+    found = answer_suite(tmp_path / "cases", tmp_path / "answers.json", SHIPPED, QUICK).answers["case_0001"]
+    assert found.verdict == "refused"
+    assert "a case must hold one fabric, got 2: fabric_1, fabric_2" in found.refused
 
 
 def test_folder_without_cases(tmp_path: Path) -> None:

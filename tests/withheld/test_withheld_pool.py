@@ -13,7 +13,7 @@ from cusick_bench.cli import app
 from cusick_bench.files import BadFile
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.scoring.calibration import wilson_interval
-from cusick_bench.withheld.scoring.pool import pooled, read_score_table
+from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, read_score_table
 from cusick_bench.withheld.scoring.table import rows
 
 _COLUMNS = ("row", "method", "name", "subset", "value", "cases", "command", "labels_sha256")
@@ -58,6 +58,24 @@ def test_no_case_counts_twice_and_severities_are_of_one_kind(tmp_path):
         pooled([read_score_table(measured), read_score_table(first)])
     nulls = _table(tmp_path / "d.csv", "d", ("false positives", "all", 0.0, 9))
     assert len(pooled([read_score_table(measured), read_score_table(nulls)])) == 2
+
+
+def test_files_of_one_name_in_two_folders_are_two_suites(tmp_path):
+    paths = []
+    for folder, value, cases in (("paper", 0.5, 4), ("polar", 1.0, 12)):
+        (tmp_path / folder).mkdir()
+        paths.append(_table(tmp_path / folder / "scores.csv", folder, ("power", ">= 2x", value, cases)))
+    out = tmp_path / "pooled.csv"
+    command = ["withheld", "pool", *map(str, paths), "--out", str(out)]
+    found = CliRunner().invoke(app, [*command, "--json"])
+    assert found.exit_code == 0, found.output
+    document = json.loads(found.stdout)
+    assert document["figures"][0]["suites"] == {"paper/scores.csv": 0.5, "polar/scores.csv": 1.0}
+    assert document["command"].endswith("pool paper/scores.csv polar/scores.csv")
+    (row,) = pd.read_csv(out).to_dict("records")
+    assert (row["paper/scores.csv"], row["polar/scores.csv"]) == (0.5, 1.0)
+    lines = pooled_lines(pooled(tables := [read_score_table(path) for path in paths]), tables)
+    assert lines[0][-2:] == ["paper/scores", "polar/scores"]
 
 
 @pytest.mark.parametrize(

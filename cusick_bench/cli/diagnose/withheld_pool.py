@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -25,17 +26,17 @@ def pool(
 
     Severities must be measured (`score --twins`) in all of the suites with effects or in none.
     """
-    from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, pooled_rows, read_score_table
+    from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, pooled_rows, read_score_table, suite_names
 
     require_csv(out, "pooled.csv")
     tables = [read_score_table(path) for path in scores]
     figures = pooled(tables)
-    command = f"cusick-bench withheld pool {' '.join(path.name for path in scores)}"
+    command = shlex.join(["cusick-bench", "withheld", "pool", *suite_names(tables)])
     if out is not None:
         write_scores(out, pooled_rows(figures, tables, command))
         tell(f"wrote {out}")
     if as_json:
-        suites = [table.path.name for table in tables]
+        suites = suite_names(tables)
         rows = [{**one.figure.record(), "suites": dict(zip(suites, one.parts, strict=True))} for one in figures]
         print_json({"figures": rows, "command": command})
     else:

@@ -283,8 +283,11 @@ def _pinhole(fabric: FabricUnderControl) -> Iterator[Control]:
 def _mirror(fabric: FabricUnderControl) -> Iterator[Control]:
     if len(fabric.faces) < 2:
         return
+    numbers = np.unique(fabric.data.table["sample"].to_numpy())
+    mixed = len(np.unique(numbers % 2)) > 1  # otherwise every second number would be all of them, or none
+    counted = () if mixed else tuple(numbers.tolist())
     for strength, every, level in (("smaller", 2, "every second sample"), ("larger", 1, "every sample")):
-        data = planted(fabric.data, MirroredFace(every))
+        data = planted(fabric.data, MirroredFace(every, counted))
         yield Control(fabric.name, "mirror", level, "outside", frozenset(), data, AS_IT_IS, strength)  # pyright: ignore[reportArgumentType]
 
 

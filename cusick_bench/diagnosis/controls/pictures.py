@@ -155,12 +155,15 @@ class MirroredFace:
 
     Attributes:
         every: 1 for every sample, 2 for every second one.
+        counted: Numbers of the samples in the order in which they are counted; by default they count as numbered.
     """
 
     every: int = 1
+    counted: tuple[int, ...] = ()
 
     def __call__(self, picture: Picture, view: View) -> Picture:
         """The mirror image, or the picture as it is."""
-        if view.side != "down" or view.sample % self.every:
+        place = self.counted.index(view.sample) + 1 if self.counted else view.sample
+        if view.side != "down" or place % self.every:
             return picture
         return mapped(picture, view.protocol, np.diag([-1.0, 1.0]))

@@ -21,6 +21,7 @@ from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.files.digest import file_digest, folder_digest
+from cusick_bench.files.first_names import first_names
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
@@ -62,8 +63,16 @@ def case_captures(folder: Path) -> Captures:
 
     Returns:
         Silhouettes of its fabric.
+
+    Raises:
+        WithheldError: A case of several fabrics; an answer is about one.
     """
     dataset = load(str(folder))
+    if len(dataset.cloths) != 1:
+        raise WithheldError(
+            f"a case must hold one fabric, got {len(dataset.cloths)}: {first_names(dataset.cloths)}; give each its own "
+            "folder"
+        )
     return read_captures(dataset, dataset.cloths[0], force=True)
 
 

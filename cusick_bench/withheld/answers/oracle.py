@@ -16,9 +16,11 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.effects import registered
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of
+from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number
 from cusick_bench.withheld.format.label import DETECTABLE, PAIR, SINGLE, LabelDocument, truth_of
@@ -70,17 +72,35 @@ def oracle_closures(
         The closure of each case.
 
     Raises:
-        WithheldError: Labels of another suite than the cases.
+        WithheldError: Labels of another suite than the cases, or a label without all parameters of its effects.
     """
     files = require_labels_of(cases, labels)
     truth = {case: truth_of(label) for case, label in labels.items()}
     asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and case in files]
+    for case in asked:
+        _require_parameters(case, labels[case])
     asked.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
     parts = {case: _part(out, case, files[case], labels[case], atlas, draping) for case in asked}
     return gather(
         out, parts, lambda case: (oracle_closure, cases / case, labels[case], atlas, draping),
         read=read_oracle_closures, write=_write, workers=workers, step=step,
     )  # fmt: skip
+
+
+def _require_parameters(case: str, label: LabelDocument) -> None:
+    """Makes sure that a label says how its effects act: what it leaves out would be taken as typical.
+
+    Raises:
+        WithheldError: A parameter is missing.
+    """
+    given = label.parameters_of_effects
+    for place, name in enumerate(label.effects):
+        known, stated = registered().get(name), given[place] if place < len(given) else {}
+        if known is not None and (lacking := [p.name for p in known.parameters if p.name not in stated]):
+            raise WithheldError(
+                f"the closure by the true effect needs all of its parameters, but the label of {case} lacks "
+                f"{', '.join(lacking)} of {name}; write them under `parameters`"
+            )
 
 
 def _part(out: Path, case: str, files: str, label: LabelDocument, atlas: Path, draping: Draping) -> Path:

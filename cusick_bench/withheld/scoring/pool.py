@@ -127,6 +127,25 @@ def _together(measure: Measure, subset: str, parts: Sequence[tuple[float, int]])
     return Figure(ANSWERS, measure.name, subset, total / cases, low, high, cases, measure.goals.get(subset))
 
 
+def suite_names(tables: Sequence[ScoreTable]) -> list[str]:
+    """Names of suites: the file's, and where another table has the same, the folders that tell them apart.
+
+    Args:
+        tables: Tables of suites.
+
+    Returns:
+        The name of each.
+    """
+    parts = [table.path.resolve().parts for table in tables]
+    names = []
+    for own in parts:
+        length = 1
+        while length < len(own) and sum(other[-length:] == own[-length:] for other in parts) > 1:
+            length += 1
+        names.append("/".join(own[-length:]))
+    return names
+
+
 def pooled_rows(figures: Sequence[PooledFigure], tables: Sequence[ScoreTable], command: str) -> pd.DataFrame:
     """Rows of a CSV file: every figure, with a column for each suite.
 
@@ -138,7 +157,7 @@ def pooled_rows(figures: Sequence[PooledFigure], tables: Sequence[ScoreTable], c
     Returns:
         The rows.
     """
-    heads = [table.path.name for table in tables]
+    heads = suite_names(tables)
     return pd.DataFrame(
         [{**one.figure.record(), **dict(zip(heads, one.parts, strict=True)), "command": command} for one in figures]
     )
@@ -154,7 +173,17 @@ def pooled_lines(figures: Sequence[PooledFigure], tables: Sequence[ScoreTable]) 
     Returns:
         Heading and lines: figure, cases, n, all suites with interval, goal, reached, then each suite.
     """
-    lines = [["figure", "cases", "n", "all [95 %]", "goal", "reached", *(table.path.stem for table in tables)]]
+    lines = [
+        [
+            "figure",
+            "cases",
+            "n",
+            "all [95 %]",
+            "goal",
+            "reached",
+            *(name.removesuffix(".csv") for name in suite_names(tables)),
+        ]
+    ]
     parts = {(one.figure.name, one.figure.subset): one.parts for one in figures}
     for figure in headline_figures([one.figure for one in figures]):
         own = [written(figure.name, value) for value in parts[figure.name, figure.subset]]

@@ -143,6 +143,21 @@ class TestPictures:
         twice = planted(mirrored, MirroredFace()).image(down)  # a planted set keeps its own change only
         assert twice.numpy() == pytest.approx(mirrored.image(down).numpy())
 
+    @pytest.mark.parametrize(("step", "offset"), [(1, 0), (2, -1), (2, 0)])
+    def test_half_of_the_samples_are_mirrored_however_they_are_numbered(self, under_control, step, offset):
+        """Of samples 1, 3, 5, ... no number is even, of 2, 4, 6, ... every one."""
+        table = under_control.data.table.assign(sample=step * under_control.data.table["sample"] + offset)
+        data = replace(under_control.data, table=table)
+        controls, _ = controls_of(replace(under_control, data=data), ["mirror"])
+        half = next(one for one in controls if one.level == "every second sample")
+        changed = {
+            int(table["sample"].iloc[row])
+            for row in np.flatnonzero(table["side"] == "down")
+            if not (half.data.image(row) == data.image(row)).all()
+        }
+        numbers = sorted(set(table["sample"]))
+        assert changed == set(numbers[1::2])
+
     def test_every_second_sample_is_mirrored(self, fabric):
         halved = planted(fabric, MirroredFace(2))
         changed = {

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cusick_bench.diagnosis.inference.findings.intervals import point_intervals
+from cusick_bench.diagnosis.inference.findings.one_face import FacesShown
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.single_effects.evidence import Grid
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis
@@ -43,3 +44,22 @@ def test_an_axis_is_the_same_after_half_a_turn(first: int, second: int) -> None:
     weight = np.where(np.isin(directions, (first, second % 180)), 0.5, 0.0)
     found = intervals(weight, "rest-curvature", curvature=np.ones(12), direction=directions)
     assert found["direction"] == pytest.approx((first - 7.5 + 1.5, second + 7.5 - 1.5))
+
+
+def test_directions_of_a_face_that_lies_down_are_those_on_the_bench() -> None:
+    """Both frames move the pictures alike where a direction in one is the mirror image of that in the other."""
+    count, name = 24, "camera-offset"
+    directions, nothing, numbers = np.arange(count) * 15.0, np.zeros((2 * count, 3)), np.zeros(2 * count)
+    values = {"shift": np.ones(count), "direction": directions}
+    half = np.zeros(count)
+    grids = tuple(
+        Grid(Hypothesis(effect(name), frame, 0.5), values, np.ones(count), nothing[:count], half, half)
+        for frame in ("lab", "cloth")
+    )
+    grid, row = np.repeat([0, 1], count), np.tile(np.arange(count), 2)
+    points = EffectPoints((name,), grids, np.zeros(2 * count, dtype=int), grid, row, nothing, nothing, numbers)
+    weight = np.where(grid == 0, 0.8, 0.2) * (np.tile(directions, 2) == np.where(grid == 0, 30, 150))
+    down = point_intervals(points, np.arange(2 * count), weight, FacesShown(1, np.pi))
+    assert down["direction"] == pytest.approx((30 - 0.9 * 7.5, 30 + 0.9 * 7.5))
+    both = point_intervals(points, np.arange(2 * count), weight)
+    assert both["direction"][1] - both["direction"][0] > 90

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +10,14 @@ from toy_atlas import PLANTED, toy_emulator
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.detectability.power import NEEDED
 from cusick_bench.diagnosis.inference.detectability.separation import separations, summary
+from cusick_bench.diagnosis.inference.residuals.feature_rows import SPREAD
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.measure.features import SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import GROUPS
 
 LEVEL = -7.0
@@ -42,6 +47,21 @@ def test_what_is_left_out_is_what_counts_before() -> None:
     )
     same = separations(toy_emulator(), LEVEL, left_out=())
     assert all(one.full == pytest.approx(one.without) for one in same)
+
+
+def test_scatter_of_statistics_that_are_left_out_is_left_out_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All statistics of the mean but one are left out; the scatter of the others would still tell effects apart."""
+    seen = []
+
+    def spied(emulator: Emulator, features: Features, **options: Any) -> Residual:
+        seen.append(against_base(emulator, features, **options))
+        return seen[-1]
+
+    monkeypatch.setattr("cusick_bench.diagnosis.inference.detectability.separation.against_base", spied)
+    separations(toy_emulator(), LEVEL, left_out=[name for name in GROUPS if name != "depth"])
+    full, few = ([name for (name, _), kept in zip(SPREADS, one.kept[SPREAD], strict=True) if kept] for one in seen[:2])
+    assert full == [name for name, _ in SPREADS]
+    assert few == ["fold_depth"]
 
 
 @pytest.mark.parametrize("left_out", [["feathers"], list(GROUPS)])

@@ -29,7 +29,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.detectability.power import NEEDED, expected_features
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.measure.features import ORDERS, Features
+from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import GROUPS
 
 LEVELS = (-8.5, -7.0, -5.5)
@@ -101,10 +101,11 @@ def separations(
 def _only(features: Features, left_out: Collection[str]) -> Features:
     """Features without what belongs to some groups of statistics."""
     columns = [column for name in left_out for column in GROUPS[name]]
-    contrast, order = features.contrast.copy(), features.order.copy()
+    contrast, order, spread = features.contrast.copy(), features.order.copy(), features.spread.copy()
     contrast[:, columns] = np.nan
     order[np.isin(ORDERS, columns)] = np.nan
-    return replace(features, contrast=contrast, order=order)
+    spread[[set(columns).issuperset(own) for _, own in SPREADS]] = np.nan
+    return replace(features, contrast=contrast, order=order, spread=spread)
 
 
 def _moved(emulator: Emulator, hypothesis: Hypothesis, residual: Residual, chosen: ndarray | None) -> _Moved:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.diagnosis.inference.findings.one_face import FacesShown
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 
@@ -20,12 +21,15 @@ ParameterInterval = tuple[float, float]
 """Lower and upper end; of a direction [deg], the upper may exceed 360."""
 
 
-def parameter_intervals(points: EffectPoints, posterior: SetPosterior) -> dict[str, Mapping[str, ParameterInterval]]:
+def parameter_intervals(
+    points: EffectPoints, posterior: SetPosterior, shown: FacesShown | None = None
+) -> dict[str, Mapping[str, ParameterInterval]]:
     """90 % intervals of the parameters of every effect that may act, given that it does.
 
     Args:
         points: Points of the effects' grids.
         posterior: Their posterior.
+        shown: Which faces the data show; both by default.
 
     Returns:
         By effect and parameter.
@@ -36,12 +40,15 @@ def parameter_intervals(points: EffectPoints, posterior: SetPosterior) -> dict[s
         weight = posterior.weight[own]
         if weight.sum() < _LEAST:
             continue
-        intervals[name] = point_intervals(points, own, weight)
+        intervals[name] = point_intervals(points, own, weight, shown)
     return intervals
 
 
 def point_intervals(
-    points: EffectPoints, own: Int[ndarray, "chosen"], weight: Float[ndarray, "chosen"]
+    points: EffectPoints,
+    own: Int[ndarray, "chosen"],
+    weight: Float[ndarray, "chosen"],
+    shown: FacesShown | None = None,
 ) -> dict[str, ParameterInterval]:
     """90 % intervals of the parameters of one effect, given that it acts.
 
@@ -49,11 +56,13 @@ def point_intervals(
         points: Points of grids.
         own: Which of them are the effect's.
         weight: Their probabilities.
+        shown: Which faces the data show; both by default.
 
     Returns:
         By parameter.
     """
-    values = [points.value(int(point)) for point in own]
+    faces = shown or FacesShown()
+    values = [faces.stated(points.grids[points.grid[point]].hypothesis, points.value(int(point))) for point in own]
     hypothesis = points.grids[points.grid[own[0]]].hypothesis
     share = weight / max(float(weight.sum()), 1e-300)
     return {

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.diagnosis.document.model import Profile, Profiles
@@ -27,10 +27,12 @@ class Drapes:
 
     Attributes:
         radii: In the cloth's frame [m].
+        samples: Number of each one's sample; those of one number repeat each other's drape.
         damaged: How many had no usable outline.
     """
 
     radii: Float[ndarray, "drapes 360"]
+    samples: Int[ndarray, " drapes"]
     damaged: int = 0
 
     def __len__(self) -> int:
@@ -67,12 +69,20 @@ def sided_profiles(profiles: Profiles) -> Sided:
         entries: tuple[Profile, ...] = getattr(profiles, source)
         for side in SIDES:
             own = [one for one in entries if (one.side or "up") == side]
-            rings = [_ring(np.array(one.radii_m, dtype=np.float64)) for one in own]
-            usable = [ring for ring in rings if ring is not None]
+            rings = [
+                (_sample(one, place), _ring(np.array(one.radii_m, dtype=np.float64))) for place, one in enumerate(own)
+            ]
+            usable = [(sample, ring) for sample, ring in rings if ring is not None]
             if usable:
-                radii = np.stack([_cloth_frame(ring) if side == "down" else ring for ring in usable])
-                sided.setdefault(source, {})[side] = Drapes(radii, len(own) - len(usable))
+                radii = np.stack([_cloth_frame(ring) if side == "down" else ring for _, ring in usable])
+                samples = np.array([sample for sample, _ in usable])
+                sided.setdefault(source, {})[side] = Drapes(radii, samples, len(own) - len(usable))
     return sided
+
+
+def _sample(one: Profile, place: int) -> int:
+    """Number of a profile's sample; where it is not known, one that no other has."""
+    return -1 - place if one.sample is None else one.sample
 
 
 def _ring(radii: Float[ndarray, " angles"]) -> Float[ndarray, "360"] | None:
@@ -103,10 +113,12 @@ def mean_difference(sided: Sided, source: str) -> tuple[float, float] | None:
     if not pairs:
         return None
     squares = [(model.mean(0) - data.mean(0)) ** 2 for data, model in pairs]
-    errors = [_error(data) + _error(model) for data, model in pairs]
+    errors = [_error(sided["data"][side]) + _error(sided[source][side]) for side in shared]
     return float(np.sqrt(np.mean(squares))), float(np.sqrt(np.mean(errors)))
 
 
-def _error(shapes: Float[ndarray, "drapes 360"]) -> Float[ndarray, "360"]:
-    """Variance of the mean, 0 for a single drape [m2]."""
-    return shapes.var(0, ddof=min(1, len(shapes) - 1)) / len(shapes)
+def _error(drapes: Drapes) -> Float[ndarray, "360"]:
+    """Variance of the mean shape over samples, whose own pictures repeat each other; 0 for a single sample [m2]."""
+    shapes = drapes.shapes
+    means = np.stack([shapes[drapes.samples == number].mean(0) for number in np.unique(drapes.samples)])
+    return means.var(0, ddof=min(1, len(means) - 1)) / len(means)

@@ -100,6 +100,10 @@ def closure_section(document: DiagnosisDocument) -> ClosureSection:
 
 def _why_no_closure(document: DiagnosisDocument) -> str:
     base, floor = document.gap.base, document.gap.floor
+    if document.verdict == "none" and base is None:
+        return "Not given: the gap was not measured."
     if document.verdict == "none" and base is not None and floor is not None and base > floor:
         return "Not given: no cause was found that could close it."
+    if document.verdict in ("ambiguous", "unknown") and document.held_together:
+        return _NO_CLOSURE["several" if are_several(document) else "effect"]
     return _NO_CLOSURE[document.verdict]

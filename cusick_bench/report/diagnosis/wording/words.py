@@ -235,7 +235,7 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
         rows.append(("bending stiffness", f"{plain(bending, 3)} ρgR³", "in multiples of weight times radius cubed"))
         if (density := data.areal_density_kg_m2) is not None:
             stiffness = bending * density * data.gravity_m_s2 * data.cloth_radius_m**3
-            rows.append(("", f"{1e6 * stiffness:.2g} µN m", f"at {1e3 * density:.0f} g/m²"))
+            rows.append(("", f"{_two_digits(1e6 * stiffness)} µN m", f"at {1e3 * density:.0f} g/m²"))
     for level, words, meaning in (
         (base.anisotropy, "weft to warp", "factor between the bending stiffness of the two"),
         (base.bias, "diagonal to mean", "factor on the bending stiffness at 45°"),
@@ -255,6 +255,11 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
     return rows
 
 
+def _two_digits(value: float) -> str:
+    """A number to two digits, without exponent where it is 100 or more."""
+    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
+
+
 def _exponential(logarithm: float | None) -> float | None:
     """The number behind a logarithm; None where it is not known or out of all reason."""
     return None if logarithm is None or abs(logarithm) > _LARGEST_LOGARITHM else exp(logarithm)
@@ -269,13 +274,23 @@ def data_in_words(data: DataCounts) -> str:
     Returns:
         Such as "12 samples, 48 pictures (24 face up and 24 face down), 24 repeats, 192 g/m²".
     """
-    faces = " and ".join(filter(None, (_counted(data.up, "face up"), _counted(data.down, "face down"))))
+    faces = " and ".join(_faces_in_words(data))
     pictures = _counted(data.captures, "picture", "pictures") + (f" ({faces})" if faces else "")
     density = data.areal_density_kg_m2
     weight = "mass per area not known" if density is None else f"{1e3 * density:.0f} g/m²"
     repeats = _counted(data.later or None, "repeat", "repeats")
     parts = (_counted(data.samples, "sample", "samples"), pictures.strip(), repeats, weight)
     return ", ".join(part for part in parts if part)
+
+
+def _faces_in_words(data: DataCounts) -> list[str]:
+    """How many pictures show each face; where the face of some is not known, no face that none shows."""
+    known = [(data.up, "face up"), (data.down, "face down")]
+    if data.captures is not None and data.up is not None and data.down is not None:
+        unknown = data.captures - data.up - data.down
+        if unknown > 0:
+            known = [one for one in (*known, (unknown, "whose face is not known")) if one[0]]
+    return [words for count, face in known if (words := _counted(count, face))]
 
 
 def _counted(count: int | None, one: str, several: str | None = None) -> str:
