@@ -134,6 +134,15 @@ class TestKnownScores:
         assert found.value("power", CLEAR) == 0.8
         assert found.value("class", "1x") == 0.3
 
+    def test_a_suite_of_pairs_has_their_levels(self, tmp_path):
+        named = ("plate-tilt", "creep")
+        labels = {f"p{i}": label(list(named), [2, 4] if i < 4 else [4, 4]) for i in range(10)}
+        both, told = "pairs: both found", answer("effect", *((name, 0.5) for name in named))
+        found = scored(tmp_path, labels, {c: told if c < "p6" else answer("none", ("none", 0.9)) for c in labels})
+        by_level = {f.subset: (f.value, f.cases) for f in found.figures if f.method == ANSWERS and f.name == both}
+        assert by_level["2x"] == (1.0, 4)
+        assert by_level["4x"] == (pytest.approx(2 / 6), 6)
+
     def test_typical_severities_beside_detectable_ones_are_in_no_level(self, tmp_path):
         labels = {f"c{i}": label("plate-tilt", 2) for i in range(10)} | {"n": label("none", None)}
         known = scored(tmp_path, labels, {c: answer("effect", ("plate-tilt", 0.9)) for c in labels})

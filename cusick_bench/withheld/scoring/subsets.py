@@ -5,7 +5,7 @@ import pandas as pd
 from jaxtyping import Bool
 from numpy import ndarray
 
-from cusick_bench.withheld.format.label import DETECTABLE, OUTSIDE, SINGLE
+from cusick_bench.withheld.format.label import DETECTABLE, OUTSIDE, PAIR, SINGLE
 from cusick_bench.withheld.scoring.measures import ALL, CLEAR, CLEAR_FROM, DISTINCT, DISTINCT_FROM, HIDDEN, LEVELS
 
 
@@ -22,7 +22,7 @@ def subsets_of(cases: pd.DataFrame) -> dict[str, Bool[ndarray, " cases"]]:
         By name of the subset, whether each case belongs to it.
     """
     level, single = levels_of(cases), cases["kind"].to_numpy(str) == SINGLE
-    known = {*filter(None, level[np.isin(cases["kind"].to_numpy(str), (SINGLE, OUTSIDE))]), *LEVELS}
+    known = {*filter(None, level[np.isin(cases["kind"].to_numpy(str), (SINGLE, OUTSIDE, PAIR))]), *LEVELS}
     clear = are_clear(cases)
     distinct = clear & (cases["unlike"].to_numpy(float) >= DISTINCT_FROM)
     others = single & (level == "") & (cases["level"].to_numpy(str) != "")
