@@ -182,7 +182,11 @@ def diagnose(
         novelty=evidence.novelty,
         misfit=sets.posterior.misfit,
         place=_place(evidence),
-        advice=advise(found.leading, made=(TURN_OVER,) if {"up", "down"} <= set(captures.side) else ()),
+        advice=advise(
+            found.leading,
+            shared=of_laboratory,
+            made=(TURN_OVER,) if {"up", "down"} <= set(captures.side) else (),
+        ),
         plain=evidence.plain,
         residual=sets.residual if evidence.causes else evidence.plain,
         features=evidence.features,

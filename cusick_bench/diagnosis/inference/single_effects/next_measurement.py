@@ -2,13 +2,14 @@
 
 A measurement decides, for each of the causes that it speaks about, whether that cause acts; it says nothing of the
 others. With probabilities p of the causes, the expected drop of entropy is that of the partition it makes:
-H(p) - sum_cells p(cell) H(p | cell) = H(cells).
+H(p) - sum_cells p(cell) H(p | cell) = H(cells). Which of its look-alikes acts in the place of a laboratory's effect is
+taken to be independent of what acts in the fabric, so that these entropies add up.
 
 References:
     Lindley. On a measure of the information provided by an experiment. Annals of Mathematical Statistics 27(4), 1956.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,12 +105,20 @@ class Advice:
 
 
 def advise(
-    probability: Mapping[str, float], *, made: Collection[str] = (), most: int = 3, least: float = 0.05
+    probability: Mapping[str, float],
+    *,
+    shared: Mapping[str, Mapping[str, float]] | None = None,
+    made: Collection[str] = (),
+    most: int = 3,
+    least: float = 0.05,
 ) -> list[Advice]:
     """The measurements that lower the entropy of the causes most.
 
     Args:
-        probability: Probability of every cause, `none` and `unknown` included.
+        probability: Probability of every cause, `none` and `unknown` included; an effect of the laboratory counts as
+            `none`.
+        shared: For each effect of the laboratory the probability that it acts, and that each of its look-alikes does
+            instead.
         made: Names of measurements that have been made already.
         most: Largest number of measurements to name.
         least: Least expected drop of entropy of a measurement that is named [bit].
@@ -117,13 +126,20 @@ def advise(
     Returns:
         The most informative first.
     """
-    advice = []
+    laboratory = shared or {}
+    own = {name: p for name, p in probability.items() if name not in laboratory}
+    own[NONE] = own.get(NONE, 0.0) + sum(probability.get(name, 0.0) for name in laboratory)
+    questions, advice = [own, *laboratory.values()], []
     for one in (measurement for measurement in MEASUREMENTS if measurement.name not in made):
         cells = [(name,) for name in one.decides] + list(one.groups)
-        share = np.array([sum(probability.get(name, 0.0) for name in cell) for cell in cells])
-        rest = max(0.0, 1 - float(share.sum()))
-        p = np.append(share, rest)
-        p = p[p > 0]
-        about = tuple(name for cell in cells for name in cell if probability.get(name, 0.0) > 0.02)
-        advice.append(Advice(one, float(-(p * np.log2(p)).sum()), about))
+        about = tuple(name for cell in cells for name in cell if any(p.get(name, 0.0) > 0.02 for p in questions))
+        advice.append(Advice(one, sum(_entropy(cells, p) for p in questions), about))
     return [one for one in sorted(advice, key=lambda a: -a.bits) if one.bits >= least][:most]
+
+
+def _entropy(cells: Sequence[tuple[str, ...]], probability: Mapping[str, float]) -> float:
+    """Entropy of the partition into these cells and all the rest [bit]."""
+    share = np.array([sum(probability.get(name, 0.0) for name in cell) for cell in cells])
+    p = np.append(share, max(0.0, 1 - float(share.sum())))
+    p = p[p > 0]
+    return float(-(p * np.log2(p)).sum())
