@@ -1,6 +1,8 @@
 """Sets of effects: what is planted together is named together, by the atlas' own statistics."""
 
+import sys
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -272,6 +274,21 @@ def test_shares_of_the_budget_add_up(emulator: Emulator, three: tuple[FabricData
     total = sum(one.value for one in found.effects.values()) + found.unexplained.value
     assert total == pytest.approx(1)
     assert found.unexplained.interval[0] <= found.unexplained.value <= found.unexplained.interval[1]
+
+
+def test_splits_with_hardly_any_gap_do_not_decide_the_shares(
+    monkeypatch: pytest.MonkeyPatch, emulator: Emulator, three: tuple[FabricData, FabricSets]
+) -> None:
+    fabric, sets = three
+    parts = cycle([np.array([6.0, 4.0])] * 9 + [np.array([-5.0, 5.01])])
+    monkeypatch.setattr(sys.modules[budget.__module__], "_parts", lambda *_: next(parts))
+    specimens = np.zeros((12, 2, len(NAMES)))
+    samples = SampleStatistics(specimens, np.zeros((12, len(NAMES))), 0.5)
+    causes = named_causes(fabric, sets, ["creep"])
+    found = budget(fabric, sets, samples, causes, np.random.default_rng(2))
+    assert found is not None
+    assert found.effects["creep"].value == pytest.approx(49 / 90.01)
+    assert found.unexplained.value == pytest.approx(41.01 / 90.01)
 
 
 def posterior(effects: dict[str, float], sets: dict[tuple[str, ...], float], leading: dict[str, float]) -> SetPosterior:

@@ -3,7 +3,8 @@
 Here the gap is the sum of squares of the whitened residual beyond noise, |w|^2 - K with K rows. A set with shifts d_e
 explains v(Z) = |w|^2 - |w - sum d_e|^2 of it. The share of an effect is its Shapley value: what it adds to v, averaged
 over all orders in which the effects may be added; v is quadratic, so this is exactly d_e . (2 w - sum d). The samples
-are split at random into halves; severities are fitted to one half, and shares are computed on the other.
+are split at random into halves; severities are fitted to one half, and shares are computed on the other. A share is the
+ratio of sums over all splits: the mean of their ratios would be that of the few splits with hardly any gap.
 
 References:
     Shapley. A value for n-person games. Contributions to the Theory of Games II, 1953. Owen. Sobol' indices and Shapley
@@ -84,23 +85,22 @@ def budget(
         half = generator.permutation(count)[: count // 2]
         other = np.setdiff1d(np.arange(count), half)
         for fitted, unseen in ((half, other), (other, half)):
-            row = _shares(fabric, sets.residual, samples, causes, fitted, unseen)
+            row = _parts(fabric, sets.residual, samples, causes, fitted, unseen)
             if row is not None:
                 rows.append(row)
     if not rows:
         return None
-    table = np.array(rows).reshape(len(rows), len(causes) + 1)
-    shares = [_share(column) for column in table.T]
+    shares = [_share(part, np.sum(rows, axis=1)) for part in np.transpose(rows)]
     of_effects = {one.hypothesis.name: share for one, share in zip(causes, shares[:-1], strict=True)}
     return Budget(of_effects, shares[-1])
 
 
-def _share(values: Float[ndarray, "splits"]) -> Share:
-    low, high = np.quantile(values, [0.05, 0.95])
-    return Share(float(values.mean()), (float(low), float(high)))
+def _share(part: Float[ndarray, "splits"], gap: Float[ndarray, "splits"]) -> Share:
+    low, high = np.quantile(part / gap, [0.05, 0.95])
+    return Share(float(part.sum() / gap.sum()), (float(low), float(high)))
 
 
-def _shares(
+def _parts(
     fabric: FabricData,
     at: Residual,
     samples: SampleStatistics,
@@ -108,7 +108,7 @@ def _shares(
     fitted: ndarray,
     unseen: ndarray,
 ) -> Float[ndarray, "causes_and_rest"] | None:
-    """Shares of the gap of unseen samples: of each cause, and last the unexplained one; None where there is no gap."""
+    """Parts of the gap of unseen samples: of each cause, and last the unexplained one; None where there is no gap."""
     seen_half, unseen_half = (_half(fabric, samples, chosen) for chosen in (fitted, unseen))
     seen = seen_half.against(start=at.theta, fixed=True)
     test = unseen_half.against(start=at.theta, fixed=True)
@@ -119,7 +119,7 @@ def _shares(
     moved = np.array([test.whiten(unseen_half.shift([one], test)[None])[0] for one in refitted])
     moved = moved.reshape(len(refitted), len(test.white))
     values = moved @ (2 * test.white - moved.sum(0))
-    return np.append(values, gap - values.sum()) / gap
+    return np.append(values, gap - values.sum())
 
 
 def _half(fabric: FabricData, samples: SampleStatistics, chosen: ndarray) -> FabricData:
