@@ -277,7 +277,8 @@ class HeldOut:
 
     Attributes:
         images: The held-out images.
-        others: For each of them, images of the cloth's other samples with the same face up, training ones included.
+        others: For each of them, images of the cloth's other samples with the same face up, training ones included; of
+            either face where no other sample shows that one.
         repeats: For each of them, other captures of the same drape.
     """
 

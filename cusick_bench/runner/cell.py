@@ -283,7 +283,8 @@ def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
     sample, side = (dataset.table[name].astype(str).tolist() for name in ("sample", "side"))
 
     def others(row: int) -> list[int]:
-        return [one for one in (*cell.train, *cell.test) if sample[one] != sample[row] and side[one] == side[row]]
+        apart = [one for one in (*cell.train, *cell.test) if sample[one] != sample[row]]
+        return [one for one in apart if side[one] == side[row]] or apart
 
     return HeldOut(
         images(cell.test),

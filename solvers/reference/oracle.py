@@ -1,6 +1,7 @@
 """Reference rows that see the held-out images; no method is expected to be better.
 
-"Others" of a held-out image are the remaining samples of its cloth, those that train among them (11 of 12).
+"Others" of a held-out image are the remaining samples of its cloth that lie alike, those that train among them (11 of
+12), or all remaining ones where none lies alike.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 def _others(seen: HeldOut) -> tuple[Images, ...]:
     if not all(len(images) for images in seen.others):
-        raise SolverError("the oracle needs another sample of the cloth with the same face up, got none")
+        raise SolverError("the oracle needs another sample of the cloth, got none")
     return seen.others
 
 

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
-from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets import DrapeDataset, Split, load
 from cusick_bench.identify.fits import plan_fits, turned_rows, typical_rows
 from cusick_bench.identify.options import Options
 from cusick_bench.leaderboard.verification.verify import verify_cell
@@ -87,6 +87,21 @@ def test_oracles_of_other_samples_do_not_see_other_captures_of_the_one_that_is_l
         errors = np.square(images - dataset.image(row).numpy()).mean((1, 2))
         assert draws["oracle:mean"][place] == pytest.approx(images.mean(0))
         assert np.square(draws["oracle:best-other"][place] - dataset.image(row).numpy()).mean() == errors.min()
+
+
+@pytest.mark.parametrize("name", ["oracle:mean", "oracle:best-other"])
+def test_an_oracle_of_a_sample_that_alone_lies_face_down_knows_those_that_lie_face_up(dataset, name):
+    """As the first sample of wool_red in the public release, in the paper's split."""
+    table = dataset.index[dataset.index["cloth"] == "fabric_3"].groupby(["sample", "side"]).head(1)
+    up = table.index[table["side"] == "up"].tolist()
+    (down,) = table.index[(table["side"] == "down") & (table["sample"] == table["sample"].min())].tolist()
+    split = Split("fabric_3", train=(up[1],), test=(down, *up[2:]))
+    (cell,) = plan(dataset, solvers=[name], splits=[split], settings=ProblemSettings(vertices=97))
+    draws = solve_cell(build_problem(dataset, cell), dataset, cell).draws
+    images = np.stack([dataset.image(row).numpy() for row in up[1:]])
+    errors = np.square(images - dataset.image(down).numpy()).mean((1, 2))
+    expected = images.mean(0) if name == "oracle:mean" else images[errors.argmin()]
+    assert draws[0] == pytest.approx(expected)
 
 
 @pytest.fixture(scope="module")
