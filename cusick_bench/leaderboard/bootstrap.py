@@ -170,7 +170,7 @@ def beside(values: Values, others: Values, statistic: Statistic) -> float:
     Returns:
         The statistic of the others.
     """
-    units = np.array([unit for stratum in _strata([values, others]) for unit in stratum])
+    units = np.array([unit for stratum in _strata([values, others], decisive=1) for unit in stratum])
     return float(statistic(units[:, 1]))
 
 
@@ -234,14 +234,17 @@ def _stretch(units: int, freedom: int) -> float:
     return float(student.ppf(upper, freedom) / norm.ppf(upper)) * (units / freedom) ** 0.5
 
 
-def _strata(columns: Sequence[Values]) -> list[list[list[float]]]:
-    """Values to resample, a row a unit: those of each cloth as a stratum, or else all cloths as one stratum."""
+def _strata(columns: Sequence[Values], decisive: int | None = None) -> list[list[list[float]]]:
+    """Values to resample, a row a unit: those of each cloth as a stratum, or else all cloths as one stratum.
+
+    The first `decisive` columns, by default all, say whether seeds change anything.
+    """
     by_split: dict[str, dict[int, list[list[float]]]] = {}
     for cloth, number in sorted(columns[0]):
         of_split = by_split.setdefault(cloth, {}).setdefault(split_of(number), [])
         of_split.append([column[cloth, number] for column in columns])
     by_cloth = {cloth: _units(list(splits.values())) for cloth, splits in by_split.items()}
-    if min(map(len, by_cloth.values())) > 1 and not all(_constant(rows) for rows in by_cloth.values()):
+    if min(map(len, by_cloth.values())) > 1 and not all(_constant(rows, decisive) for rows in by_cloth.values()):
         return list(by_cloth.values())
     return [[np.mean(rows, axis=0).tolist() for rows in by_cloth.values()]]
 
@@ -251,6 +254,7 @@ def _units(splits: list[list[list[float]]]) -> list[list[float]]:
     return splits[0] if len(splits) == 1 else [np.mean(seeds, axis=0).tolist() for seeds in splits]
 
 
-def _constant(rows: list[list[float]]) -> bool:
-    """Whether seeds change nothing, up to rounding."""
-    return bool(np.allclose(rows, rows[0], rtol=1e-6, atol=0))
+def _constant(rows: list[list[float]], decisive: int | None) -> bool:
+    """Whether seeds change nothing in the first columns, up to rounding."""
+    shown = np.array(rows)[:, :decisive]
+    return bool(np.allclose(shown, shown[0], rtol=1e-6, atol=0))

@@ -132,6 +132,19 @@ class TestStatistics:
         assert (found.units, found.test) == (4, "t")
         assert found.p > 0.05
 
+    def test_students_t_is_about_the_mean_over_cloths_however_many_seeds_each_has(self):
+        """One cloth half as bad again, four seeds of the other a seventh better: worse in the mean over cloths."""
+        after = {("a", 0): 1.5} | {("b", seed): 0.86 + 0.005 * seed for seed in range(4)}
+        before = dict.fromkeys(after, 1.0)
+        worse, better = (
+            compare(*pair, level=0.01, generator=np.random.default_rng(0))
+            for pair in ((before, after), (after, before))
+        )
+        assert (worse.test, worse.units) == ("t", 5)
+        assert worse.ratio.value > 1.1
+        assert worse.p < 0.25
+        assert worse.p + better.p == pytest.approx(1.0)
+
     def test_permutations_are_exact_where_all_can_be_counted(self):
         """Fourteen cloths all worse: one arrangement of 2^14 is as extreme."""
         generator = np.random.default_rng(5)

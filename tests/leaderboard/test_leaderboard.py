@@ -23,7 +23,7 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
-from cusick_bench.leaderboard.bootstrap import cell_values, geometric_mean, mean
+from cusick_bench.leaderboard.bootstrap import beside, cell_values, geometric_mean, mean
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.distributions.proper_scores import variogram_score
@@ -369,6 +369,15 @@ def test_best_of_n_stands_beside_as_many_random_phase_draws(tmp_path):
     assert rows["null:random-phase"].matched_null == pytest.approx(0.035)
     assert np.isnan(rows["homo"].matched_null)
     assert "| .0380 /100 | .0395 |" in markdown(only(tmp_path))
+
+
+def test_values_beside_a_solver_whose_seeds_change_nothing_count_by_cloth_as_its_own_do():
+    """Cloths of 2, 5 and 3 seeds: the others differ from the solver's by .001 at most, and so do the means."""
+    own = {(cloth, seed): value for cloth, value, seeds in (("a", 1.0, 2), ("b", 2.0, 5), ("c", 3.0, 3))
+           for seed in range(seeds)}  # fmt: skip
+    others = {(cloth, seed): value + 1e-3 * (seed % 2) for (cloth, seed), value in own.items()}
+    assert estimate(own, mean, np.random.default_rng(0)).value == pytest.approx(2.0)
+    assert beside(own, others, mean) == pytest.approx(2.0, abs=1e-3)
 
 
 def test_random_phases_count_as_the_cells_beside_them_do(tmp_path):

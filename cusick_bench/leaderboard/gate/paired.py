@@ -12,7 +12,8 @@ times as large is "x 10", where d would be 1.6.
 
 Two tests, chosen by the number of cells and never by their values. With many: the labels "before" and "after" are
 permuted within each cloth (for a shared seed: their sign flipped), which is exact whatever the noise. With so few that
-permutations cannot reach the level after correction for all comparisons: Student's t over the paired changes.
+permutations cannot reach the level after correction for all comparisons: Student's t over the paired changes, each
+cloth counting alike however many of them it has.
 
 References:
     B. Phipson, G. K. Smyth. Permutation p-values should never be zero. Stat. Appl. Genet. Mol. Biol. 9, 2010.
@@ -140,9 +141,10 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
         return Comparison(ratio, float(p), "permutation", units, _ratio(spread * float(_reach(level, inf))))
     if units < 2:
         return Comparison(ratio, nan, "none", units, nan)
-    values = np.array(list(changes.values()))
-    error = float(values.std(ddof=1)) / np.sqrt(units)
-    return Comparison(ratio, _student(values, error), "t", units, _ratio(error * float(_reach(level, units - 1))))
+    weights = np.array([1 / (len(pairs) * len(pairs[cloth])) for cloth, _ in changes])
+    error = float(np.std(list(changes.values()), ddof=1) * np.linalg.norm(weights))
+    p = _student(observed, error, units - 1)
+    return Comparison(ratio, p, "t", units, _ratio(error * float(_reach(level, units - 1))))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -232,11 +234,11 @@ def _permuted(pairs: Blocks, generator: np.random.Generator) -> Float[ndarray, "
     return total
 
 
-def _student(values: Float[ndarray, " units"], error: float) -> float:
+def _student(change: float, error: float, freedom: int) -> float:
     """One-sided p-value; changes that are all alike, up to rounding, are no chance."""
     if error <= _ROUNDING:
-        return 0.0 if values.mean() > _ROUNDING else 1.0
-    return float(stats.t.sf(values.mean() / error, len(values) - 1))
+        return 0.0 if change > _ROUNDING else 1.0
+    return float(stats.t.sf(change / error, freedom))
 
 
 def _reach(level: float, freedom: float) -> float:
