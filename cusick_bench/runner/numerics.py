@@ -9,7 +9,10 @@ the versions of the parts that it uses.
 new version. After raising a version: `python tests/support/golden.py --write`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.datasets.files import hanging_line
@@ -22,6 +25,9 @@ from cusick_bench.sim.effects.registry import parse, registered
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.laws import paper, plate, published
 from cusick_bench.solvers.base import Solver
+
+if TYPE_CHECKING:
+    from cusick_bench.problem.space import ParameterSpace
 
 LAWS = {"plate": plate.NUMERICS_VERSION, "paper": paper.NUMERICS_VERSION, "published": published.NUMERICS_VERSION}
 """Version of each material law, by its name in `DrapeSettings`."""
@@ -87,11 +93,11 @@ def cell_numerics(
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
-        versions |= space_version(solver.space or space)
+        versions |= raised_versions("space", [SPACES[solver.space or space]])
         acting = [parse(cause).effect for cause in causes]
         if drape.mode == "equilibrium" or any(one.kind == "contact" for one in acting):  # contact is known at rest only
             versions["branch"] = followed_branch.NUMERICS_VERSION
-        versions |= _effect_versions(acting)
+        versions |= raised_versions("effect", acting)
     if both_faces:
         versions["both faces"] = BOTH_FACES
     if repeats:
@@ -113,22 +119,17 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
     versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
     for law in ("paper", "plate"):  # of an atlas' cheaper drapes, and of the base model
         versions |= drape_numerics(law, with_effects=True)
-    return dict(sorted((versions | _effect_versions(registered().values())).items()))
+    return dict(sorted((versions | raised_versions("effect", registered().values())).items()))
 
 
-def space_version(name: str) -> dict[str, int]:
-    """Version of a parameter space; records omit version 1.
+def raised_versions(kind: str, parts: Iterable[Effect | type[ParameterSpace]]) -> dict[str, int]:
+    """Versions of effects or of parameter spaces; records omit version 1.
 
     Args:
-        name: Name of the space.
+        kind: What they are: "effect" or "space".
+        parts: The effects or spaces.
 
     Returns:
-        The version by the part's name, or nothing.
+        Version of each whose version is above 1, by the part's name.
     """
-    version = SPACES[name].version
-    return {f"space {name}": version} if version > 1 else {}
-
-
-def _effect_versions(effects: Iterable[Effect]) -> dict[str, int]:
-    """Versions of effects by name; records omit version 1."""
-    return {f"effect {one.name}": one.version for one in effects if one.version > 1}
+    return {f"{kind} {one.name}": one.version for one in parts if one.version > 1}

@@ -40,7 +40,7 @@ from cusick_bench.photographs import NUMERICS_VERSION as PHOTOGRAPHS
 from cusick_bench.photographs import accuracy
 from cusick_bench.photographs.preparation.silhouette import silhouette
 from cusick_bench.problem import LOSSES, SPACES, Budget, StiffnessPrior, laid_like
-from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics, space_version
+from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics, raised_versions
 from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
@@ -373,7 +373,7 @@ def goldens() -> dict[str, Golden]:
         "datasets": Golden({"datasets": data["datasets"], **shipped}, _datasets, EXACT),
         "perspective": Golden({"perspective": hanging_line.NUMERICS_VERSION}, _perspective, EXACT),
         "problem": Golden({"problem": problem, "datasets": data["datasets"]}, _problem, EXACT),
-        "space field": Golden({"problem": problem, **space_version("field")}, _field_space, EXACT),
+        "space field": Golden({"problem": problem, **raised_versions("space", [SPACES["field"]])}, _field_space, EXACT),
         "metrics": Golden(data | shipped, _metrics, EXACT),
         "diagnosis": Golden(diagnosis_numerics(diagnosis=DIAGNOSIS) | shipped, _diagnosis, LIBRARY),
         "withheld": Golden(

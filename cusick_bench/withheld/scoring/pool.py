@@ -173,17 +173,8 @@ def pooled_lines(figures: Sequence[PooledFigure], tables: Sequence[ScoreTable]) 
     Returns:
         Heading and lines: figure, cases, n, all suites with interval, goal, reached, then each suite.
     """
-    lines = [
-        [
-            "figure",
-            "cases",
-            "n",
-            "all [95 %]",
-            "goal",
-            "reached",
-            *(name.removesuffix(".csv") for name in suite_names(tables)),
-        ]
-    ]
+    suites = [name.removesuffix(".csv") for name in suite_names(tables)]
+    lines = [["figure", "cases", "n", "all [95 %]", "goal", "reached", *suites]]
     parts = {(one.figure.name, one.figure.subset): one.parts for one in figures}
     for figure in headline_figures([one.figure for one in figures]):
         own = [written(figure.name, value) for value in parts[figure.name, figure.subset]]

@@ -90,7 +90,8 @@ def budget(
                 rows.append(row)
     if not rows:
         return None
-    shares = [_share(part, np.sum(rows, axis=1)) for part in np.transpose(rows)]
+    gap = np.sum(rows, axis=1)
+    shares = [_share(part, gap) for part in np.transpose(rows)]
     of_effects = {one.hypothesis.name: share for one, share in zip(causes, shares[:-1], strict=True)}
     return Budget(of_effects, shares[-1])
 

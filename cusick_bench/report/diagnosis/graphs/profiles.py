@@ -109,11 +109,11 @@ def mean_difference(sided: Sided, source: str) -> tuple[float, float] | None:
         is nothing to compare.
     """
     shared = [side for side in SIDES if side in sided.get("data", {}) and side in sided.get(source, {})]
-    pairs = [(sided["data"][side].shapes, sided[source][side].shapes) for side in shared]
+    pairs = [(sided["data"][side], sided[source][side]) for side in shared]
     if not pairs:
         return None
-    squares = [(model.mean(0) - data.mean(0)) ** 2 for data, model in pairs]
-    errors = [_error(sided["data"][side]) + _error(sided[source][side]) for side in shared]
+    squares = [(model.shapes.mean(0) - data.shapes.mean(0)) ** 2 for data, model in pairs]
+    errors = [_error(data) + _error(model) for data, model in pairs]
     return float(np.sqrt(np.mean(squares))), float(np.sqrt(np.mean(errors)))
 
 
