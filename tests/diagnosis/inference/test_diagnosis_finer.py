@@ -15,6 +15,7 @@ from cusick_bench.diagnosis.inference.laboratory.shared_effects import finer_sha
 from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk
 from cusick_bench.diagnosis.inference.residuals.feature_rows import DRIFT, FACE_EVEN, FACE_ODD, ROWS, SPREAD, faces_of
 from cusick_bench.diagnosis.inference.residuals.residual import Residual
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets, likeliest_candidates
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid, grid_at
@@ -107,6 +108,22 @@ def test_shifts_of_the_parts_are_those_of_their_parameters(emulator: Emulator, r
 def test_without_points_a_grid_stays_as_it_is(emulator: Emulator, residual: Residual) -> None:
     coarse = grid_of("camera-scale", emulator, residual)
     assert finer_grid(emulator, residual, coarse, []) is coarse
+
+
+def test_the_likeliest_point_is_that_of_largest_density(emulator: Emulator, residual: Residual) -> None:
+    """A density so wide that whole cells beside the finer ones have more probability than any part at its mode."""
+    coarse = grid_of("camera-scale", emulator, residual)
+    larger = coarse.values["error"][coarse.values["error"] > 0]
+    middle = float(larger[len(larger) // 2])
+    finer = finer_grid(emulator, residual, coarse, [{"error": middle}], least=0.0)
+    count, mode = len(finer.cell), middle * SEVERITY_STEP ** (1 / 3)
+    none, zeros, shift = np.zeros(count, dtype=int), np.zeros(count), np.zeros((count, 1))
+    points = EffectPoints(("camera-scale",), (finer,), none, none, np.arange(count), shift, shift, zeros)
+    error = finer.values["error"]
+    far = np.log(np.where(error > 0, error, 1e-9) / mode) / np.log(SEVERITY_STEP)
+    weight = finer.cell * np.exp(-0.5 * (far / 3) ** 2)
+    assert finer.cell[np.argmax(weight)] == 1
+    assert points.value(points.densest(np.arange(count), weight)) == pytest.approx({"error": mode})
 
 
 def test_what_lies_between_two_points_is_found_there(fabric: FabricData) -> None:

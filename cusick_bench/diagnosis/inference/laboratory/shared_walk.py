@@ -152,7 +152,8 @@ class SharedWalk:
         gained = own[:, :-1] - own[:, -1:]
         for number in set(range(len(points.names))) - {int(points.effect[point]) for point in others}:
             chosen = np.flatnonzero(points.effect == number)
-            best = chosen[int(np.argmax(gained[:, chosen].sum(0) + self.log_prior[chosen]))]
+            joint = gained[:, chosen].sum(0) + self.log_prior[chosen] - np.log(points.cell[chosen])
+            best = chosen[int(np.argmax(joint))]
             self.evidence[:, number] += gained[:, best]
             self.compared[number] += 1
 
@@ -205,7 +206,7 @@ def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Lab
     found = []
     for number, name in enumerate(points.names):
         own = np.flatnonzero(points.effect == number)
-        cause = candidate_at(points, int(own[np.argmax(weight[own])]))
+        cause = candidate_at(points, points.densest(own, weight[own]))
         intervals = point_intervals(points, own, weight[own])
         mean = evidence[:, number] / max(float(compared[number]), 1e-9)
         found.append(

@@ -7,6 +7,7 @@ same sort (across, `Misfit.across`), since symmetry is the same for all laws. Ea
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -50,6 +51,27 @@ class EffectPoints:
 
     def __len__(self) -> int:
         return len(self.effect)
+
+    @cached_property
+    def cell(self) -> Float[ndarray, "points"]:
+        """Share of a cell of its own grid that every point stands for, as in `Grid`."""
+        cell = np.ones(len(self))
+        for number, grid in enumerate(self.grids):
+            own = self.grid == number
+            cell[own] = grid.cell[self.row[own]]
+        return cell
+
+    def densest(self, chosen: Int[ndarray, "chosen"], weight: Float[ndarray, "chosen"]) -> int:
+        """The point of largest density: parts of a cell share its weight, so points beside them have more of it.
+
+        Args:
+            chosen: Points to choose from.
+            weight: Weight of each.
+
+        Returns:
+            One of `chosen`.
+        """
+        return int(chosen[np.argmax(weight / self.cell[chosen])])
 
     def value(self, point: int) -> dict[str, float]:
         """Parameters at a point.

@@ -198,7 +198,7 @@ def likeliest_candidates(sets: FabricSets) -> dict[str, Candidate]:
     found = {one.hypothesis.name: one for one in sets.shared}
     for number, name in enumerate(points.names):
         own = np.flatnonzero(points.effect == number)
-        found[name] = candidate_at(points, int(own[np.argmax(sets.posterior.weight[own])]))
+        found[name] = candidate_at(points, points.densest(own, sets.posterior.weight[own]))
     return found
 
 
@@ -208,11 +208,11 @@ def _likeliest_points(sets: FabricSets, names: Sequence[str]) -> list[int]:
     chosen = []
     for name in names:
         own = np.flatnonzero(points.effect == points.names.index(name))
-        chosen.append(int(own[np.argmax(sets.posterior.weight[own])]))
+        chosen.append(points.densest(own, sets.posterior.weight[own]))
     for _ in range(2 if len(chosen) > 1 else 1):
         for place, point in enumerate(chosen):
             others = chosen[:place] + chosen[place + 1 :]
-            total = model.likelihoods(others, more=sets.more).total[:-1] + points.log_prior
+            total = model.likelihoods(others, more=sets.more).total[:-1] + points.log_prior - np.log(points.cell)
             total[points.effect != points.effect[point]] = -np.inf
             chosen[place] = int(np.argmax(total))
     return chosen
