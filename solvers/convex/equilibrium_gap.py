@@ -92,6 +92,7 @@ class EquilibriumGap(Solver):
     reference: ClassVar[str] = "Claire, Hild, Roux, Int. J. Numerical Methods in Engineering 61(2), 2004"
     space: ClassVar[str | None] = "homo"
     needs_mesh: ClassVar[bool] = True
+    version: ClassVar[int] = 2  # 2: rest shapes count in the free half of hinges on a clamp
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         from cusick_bench.solvers.convex.force_balance import Errors, balance

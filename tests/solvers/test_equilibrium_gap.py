@@ -130,7 +130,8 @@ class TestUnevenForces:
             torch.from_numpy(theta[24:].reshape(1, 3, 5))
             * torch.from_numpy(np.exp(on_hinges[mesh.hinges[:, :2]].mean(1)))[:, None, None],
             torch.zeros(mesh.vertices, dtype=torch.float64),
-            dihedral_angles(torch.from_numpy(np.column_stack([mesh.material, rest])), mesh.hinges),
+            dihedral_angles(torch.from_numpy(np.column_stack([mesh.material, rest])), mesh.hinges)
+            * torch.from_numpy(system.elements.hinge_share),  # as drapes have it, of which a clamp bends in part
         )
         reference = Reference(system)
         uneven = reference.forces(torch.from_numpy(x), torch.from_numpy(x), parameters).detach().numpy()
