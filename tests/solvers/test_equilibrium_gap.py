@@ -289,13 +289,15 @@ class TestSolver:
             EquilibriumGap().solve(problem, np.random.default_rng(0))
 
     def test_without_a_mesh_it_is_refused(self, mesh):
-        with pytest.raises(SolverError, match=r"no mesh of it.*`synthetic`"):
+        with pytest.raises(SolverError, match=r"no mesh of it.*folder `meshes`"):
             EquilibriumGap().solve(_problem(None, mesh), np.random.default_rng(0))
 
     def test_a_mesh_without_flat_shape_is_refused(self, mesh):
         shape = _drape(mesh, np.zeros(39), 0)
         problem = _problem(TrainMesh(shape.x, mesh.faces), mesh)
-        with pytest.raises(SolverError, match=r"triangles are those of no known flat mesh"):
+        with pytest.raises(
+            SolverError, match=r"triangles are those of no known flat mesh.*`simulate --law paper --mode"
+        ):
             EquilibriumGap().solve(problem, np.random.default_rng(0))
 
     def test_a_surface_built_from_a_silhouette_says_so(self, mesh):
@@ -312,6 +314,7 @@ class TestSolver:
         with pytest.raises(SolverError, match=r"no stiffness holds.*strained by.*gap that is left") as caught:
             EquilibriumGap().solve(problem, np.random.default_rng(0))
         assert "of gravity stay unbalanced whatever the stiffness" in str(caught.value)
+        assert "use rests that `simulate --law paper --mode equilibrium --out` writes" in str(caught.value)
         assert problem.meter.forward == 0
 
     @pytest.mark.parametrize(
