@@ -180,7 +180,7 @@ class Solver(ABC):
         if self.needs_mesh and problem.train_mesh is None:
             raise SolverError(
                 f"{self.name} fits the training drape's three-dimensional shape, and there is no mesh of it; give data "
-                "with meshes, such as the set `synthetic`, or use a solver that fits silhouettes"
+                "with a folder `meshes` beside `silhouettes`, or use a solver that fits silhouettes"
             )
         if self.space not in (None, problem.space.name):
             raise SolverError(

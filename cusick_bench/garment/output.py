@@ -64,7 +64,7 @@ def write_rest(
         positions: Positions of the vertices in each draw [m].
         name: Name of the cloth; a colour in it is used.
         body: What the skirts are worn on, or None.
-        pictures: Number of pictures all the way round.
+        pictures: Number of pictures all the way round, at least 1.
     """
     shown = []
     for number, x in enumerate(positions):
@@ -78,7 +78,8 @@ def write_rest(
     _save(folder / "spread.png", strip(shown, min(len(shown), _IN_ROW)))
     round_about = turntable(skirt, positions[0], name, body, pictures)
     save_gif(folder / "turntable.gif", round_about, 0.1)
-    _save(folder / "turntable.png", strip(round_about[:: len(round_about) // _IN_ROW], _IN_ROW))
+    in_row = min(pictures, _IN_ROW)
+    _save(folder / "turntable.png", strip(round_about[:: pictures // in_row], in_row))
 
 
 def write_motion(

@@ -119,7 +119,7 @@ def circular_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> S
 
     Args:
         size: Its measures.
-        vertices: Size of the mesh, met within some percent.
+        vertices: Size of the mesh; it has some more, 3 % at 2500, up to 20 % at 150 in a short skirt.
         seed: Seed of the mesh.
 
     Returns:
@@ -140,7 +140,7 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
 
     Args:
         size: Its measures.
-        vertices: Size of the mesh, met within some percent.
+        vertices: Size of the mesh; it has some more, 3 % at 2500, up to 20 % at 150 in a short skirt.
         seed: Seed of the mesh.
 
     Returns:

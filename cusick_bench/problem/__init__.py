@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from cusick_bench.problem.metering.budget import Budget, Evaluation, Meter
     from cusick_bench.problem.metering.journal import Checkpoint, Journal
     from cusick_bench.problem.priors import StiffnessPrior
-    from cusick_bench.problem.scene import Scene, canonical, parse_causes
+    from cusick_bench.problem.scene import Scene, canonical, parse_causes, profile_in_cloth_frame
     from cusick_bench.problem.space import HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
     from cusick_bench.problem.spaces import SPACES
     from cusick_bench.problem.train_mesh import TrainMesh
@@ -44,6 +44,7 @@ __all__ = [
     "canonical",
     "laid_like",
     "parse_causes",
+    "profile_in_cloth_frame",
 ]
 
 __getattr__ = lazy_names(
@@ -72,5 +73,6 @@ __getattr__ = lazy_names(
         "canonical": "scene",
         "laid_like": "laying",
         "parse_causes": "scene",
+        "profile_in_cloth_frame": "scene",
     },
 )

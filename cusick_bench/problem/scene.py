@@ -122,18 +122,6 @@ class Scene:
         """
         return vertices if self.side == "up" else vertices * _MIRROR.to(vertices)
 
-    def profile(self, radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, " angles"]:
-        """Turns a radius profile to the frame of the simulated cloth.
-
-        Args:
-            radii: A silhouette's radii at an even number of equidistant angles from +x [m].
-
-        Returns:
-            The same radii in the order of the other frame [m].
-        """
-        half, every = len(radii) // 2, np.arange(len(radii))
-        return radii if self.side == "up" else radii[(half - every) % len(radii)]
-
     def seen(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
         """Apparent positions of points of the laboratory, for the nominal camera.
 
@@ -191,6 +179,20 @@ class Scene:
         """One specimen under the causes; its shape comes first, so that they act on it."""
         shaped = self._plain(material).with_added(laid=lambda _: initial, rest_angles=lambda _: rest_angle)
         return apply_all(self.causes, shaped)
+
+
+def profile_in_cloth_frame(radii: Float[np.ndarray, " angles"], scene: Scene | None) -> Float[np.ndarray, " angles"]:
+    """Turns a radius profile from the laboratory's frame to that of the simulated cloth.
+
+    Args:
+        radii: A silhouette's radii at an even number of equidistant angles from +x [m].
+        scene: How the cloth is draped and seen; None where it lies face up without causes.
+
+    Returns:
+        The same radii in the order of the cloth's frame [m].
+    """
+    half, every = len(radii) // 2, np.arange(len(radii))
+    return radii if scene is None or scene.side == "up" else radii[(half - every) % len(radii)]
 
 
 def _dropped(simulator: DrapeSimulator, setups: Sequence[Setup]) -> DrapeBatch:

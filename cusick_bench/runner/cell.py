@@ -34,6 +34,7 @@ from cusick_bench.problem import (
     TrainMesh,
     laid_like,
     parse_causes,
+    profile_in_cloth_frame,
 )
 from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
@@ -116,7 +117,7 @@ def build_problem(
     if scene is not None:
         simulator = kept.get(scene.warped, scene.simulated)
     prior, plate_radius = StiffnessPrior(drape.law, float(known["areal_density"])), simulator.settings.plate_radius
-    radii = sample.profile.radii if scene is None else scene.profile(sample.profile.radii)
+    radii = profile_in_cloth_frame(sample.profile.radii, scene)
     laid = laid_like(radii, simulator.mesh, plate_radius=plate_radius)
     own, other = training_rows(dataset, cell.train)
     return DrapeProblem(

@@ -49,7 +49,7 @@ def ring_mesh(
         The mesh; its first vertices are the rim, then the plate ring.
 
     Raises:
-        SimulationError: Too few vertices, radii out of order, too much jitter.
+        SimulationError: Too few vertices, radii out of order, a plate too near the rim or too small, too much jitter.
     """
     if vertices < _MINIMUM_VERTICES:
         raise SimulationError(f"a disc needs at least {_MINIMUM_VERTICES} vertices, got {vertices}")
@@ -75,7 +75,15 @@ def ring_mesh(
     outer = points[order].reshape(-1, 2)
     material = np.concatenate([outer[: 2 * number], inside, outer[2 * number :]])
     held = np.arange(number, 2 * number + len(inside))
-    return Mesh(material, np.concatenate([_between(place), held[_plate_faces(material[held])]]))
+    faces = np.concatenate([_between(place), held[_plate_faces(material[held])]])
+    try:
+        return Mesh(material, faces)
+    except SimulationError as error:  # a face that is clockwise or has no area
+        remedy = "more vertices or a smaller plate" if plate_radius > radius / 2 else "a larger plate"
+        raise SimulationError(
+            f"no mesh of {rings + 1} rings of {number} vertices fits between a plate of {plate_radius:g} m and the rim "
+            f"of a cloth of {radius:g} m ({error}); take {remedy}"
+        ) from error
 
 
 def _ring_numbers(vertices: int, radius: float, plate_radius: float) -> tuple[int, int]:

@@ -4,7 +4,8 @@ No drape is simulated to find them: one convex programme, repeated while the sha
 error (`force_balance`). The areal density sets the scale. It needs the shape itself. A surface that was built from a
 silhouette, like the meshes of the public release, is no shape that the cloth had: its triangles are strained by
 several per cent, where the cloth's own weight strains it by a tenth of one, and no stiffness balances gravity on it.
-Such meshes are refused, with the figures that say so.
+Such meshes are refused, with the figures that say so, and so are drops, by another law or of a cloth whose stiffness
+varies over 2 cm, as in the set `synthetic`.
 
 References:
     Claire, Hild, Roux, A finite element formulation to identify damage fields: the equilibrium gap method, Int. J.
@@ -25,6 +26,7 @@ from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError,
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem, TrainMesh
+    from cusick_bench.sim.engine.settings import DrapeSettings
     from cusick_bench.solvers.convex.force_balance import Balance, Shape
 
 
@@ -50,6 +52,12 @@ def edge_strain(vertices: Float[np.ndarray, "V 3"], mesh: Mesh) -> float:
     return float(
         np.sqrt(np.mean((length / np.linalg.norm(mesh.material[end] - mesh.material[start], axis=1) - 1) ** 2))
     )
+
+
+def _remedy(law: str) -> str:
+    """Which meshes are shapes of a cloth at rest."""
+    rests = f"`simulate --law {law} --mode equilibrium --out`"
+    return f"use rests that {rests} writes, on as many vertices as the run has, or a solver that fits silhouettes"
 
 
 def unrolled(mesh: TrainMesh, plate_radius: float) -> Float[np.ndarray, "V 2"]:
@@ -92,6 +100,7 @@ class EquilibriumGap(Solver):
     reference: ClassVar[str] = "Claire, Hild, Roux, Int. J. Numerical Methods in Engineering 61(2), 2004"
     space: ClassVar[str | None] = "homo"
     needs_mesh: ClassVar[bool] = True
+    version: ClassVar[int] = 2  # 2: rest shapes count in the free half of hinges on a clamp
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         from cusick_bench.solvers.convex.force_balance import Errors, balance
@@ -102,7 +111,7 @@ class EquilibriumGap(Solver):
         errors = Errors(self.position_error, self.force_error, rest_height=self.rest_height, unevenness=self.unevenness)
         with problem.meter.reserve(1):  # for the drape of what is found, however long this takes
             found = balance([shape], problem.space.prior, errors)
-            self._check(found, strain)
+            self._check(found, strain, problem.simulator.settings.law)
         progress("draping the result", 0.9)
         return replace(prediction_at(problem, found.tau, finished=True), notes=notes(found, strain))
 
@@ -118,7 +127,7 @@ class EquilibriumGap(Solver):
                 "with --law paper, whose tables mean the same stiffness"
             )
         if drape.material is None:
-            raise SolverError(self._without_reference(drape, settings.plate_radius))
+            raise SolverError(self._without_reference(drape, settings))
         if settings.support == "springs":  # whose pull is not known: vertices on the plate then count as held
             settings = replace(settings, support="fixed", clamp="whole")
         try:
@@ -129,13 +138,13 @@ class EquilibriumGap(Solver):
         mass = mesh.vertex_areas * problem.areal_density
         return Shape(simulator.hinge_system, drape.vertices, mass), edge_strain(drape.vertices, mesh)
 
-    def _without_reference(self, drape: TrainMesh, plate_radius: float) -> str:
+    def _without_reference(self, drape: TrainMesh, settings: DrapeSettings) -> str:
         message = (
             f"{self.name} needs to know how the training mesh lay flat, and its {len(drape.faces)} triangles are those "
             "of no known flat mesh. "
         )
         try:
-            strain = edge_strain(drape.vertices, Mesh(unrolled(drape, plate_radius), drape.faces))
+            strain = edge_strain(drape.vertices, Mesh(unrolled(drape, settings.plate_radius), drape.faces))
             message += (
                 f"Unrolled along straight generators from the plate's edge, its edges are strained by {strain:.1%} rms"
                 + (
@@ -146,9 +155,9 @@ class EquilibriumGap(Solver):
             )
         except SimulationError:
             message += "It cannot be unrolled along straight generators from the plate's edge either. "
-        return message + "Use meshes of measured or simulated shape, or a solver that fits silhouettes"
+        return f"{message}To get on, {_remedy(settings.law)}"
 
-    def _check(self, found: Balance, strain: float) -> None:
+    def _check(self, found: Balance, strain: float, law: str) -> None:
         """Refuses shapes on which the figures mean nothing."""
         reasons = []
         if strain > STRAIN_LIMIT:
@@ -162,7 +171,7 @@ class EquilibriumGap(Solver):
             raise SolverError(
                 f"no stiffness holds the training mesh in balance: {'; '.join(reasons)}. At the shape as given, "
                 f"{found.unexplained:.0%} of gravity stay unbalanced whatever the stiffness (100 % without any). It is "
-                "not the shape of a cloth at rest: use measured or simulated meshes, or a solver that fits silhouettes"
+                f"not the shape of a cloth at rest by law {law}: {_remedy(law)}"
             )
 
 

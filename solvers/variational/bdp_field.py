@@ -181,13 +181,12 @@ class BdpField(Solver):
 
 def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
     """Heights with the waves of the training silhouette's folds and the laying field's median amplitude [m]."""
-    from cusick_bench.problem import laid_like
+    from cusick_bench.problem import laid_like, profile_in_cloth_frame
     from cusick_bench.problem.cloth_prior import FIELDS
     from cusick_bench.sim.cloth.shape import fade_in
 
     space = problem.space
-    radii = profile_of(problem.train_image, problem.protocol).radii
-    radii = radii if problem.scene is None else problem.scene.profile(radii)
+    radii = profile_in_cloth_frame(profile_of(problem.train_image, problem.protocol).radii, problem.scene)
     height = laid_like(radii, space.mesh, plate_radius=space.plate_radius).numpy()[:, 2]
     outside = fade_in(space.mesh, space.plate_radius)
     along = np.hypot(*space.mesh.material.T) - space.plate_radius

@@ -9,6 +9,8 @@ from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.garment.output import write_rest
+from cusick_bench.garment.skirt import SkirtSize, circular_skirt
 from cusick_bench.sim.cloth.obj import read_obj
 from tests.support.worn_skirts import learned_posterior, skirt_cell
 
@@ -117,3 +119,11 @@ def test_nothing_of_an_earlier_skirt_stays_beside_a_new_one(tmp_path: Path):
     left = {path.name for path in folder.iterdir()}
     assert {"draw_0000.obj", "summary.json", "notes.txt"} <= left
     assert not [name for name in left if name.startswith(("draw_0001", "motion"))]
+
+
+@pytest.mark.parametrize(("pictures", "in_strip"), [(1, 1), (4, 4), (6, 6), (18, 6)])
+def test_the_turntable_may_have_few_pictures(tmp_path: Path, pictures: int, in_strip: int):
+    skirt = circular_skirt(SkirtSize(length=0.3), 150)
+    write_rest(tmp_path, skirt, skirt.start[None], "blue", None, pictures=pictures)
+    with Image.open(tmp_path / "turntable.png") as strip, Image.open(tmp_path / "draw_0000.png") as one:
+        assert strip.size == (in_strip * one.width, one.height)

@@ -118,6 +118,11 @@ def test_samples_may_be_numbered_by_their_date(tmp_path):
     assert [picture.sample for picture in found.drapes] == [20261126, 20261127]
 
 
+def test_a_picture_without_a_number_of_a_capture_is_capture_1(tmp_path):
+    found = find_pictures(_folder(tmp_path, "Fabric_1_Sample_1.jpg", "Fabric_1_Sample_1_Capture_2.jpg", "plate.jpg"))
+    assert [picture.name[-9:] for picture in found.drapes] == ["Capture_1", "Capture_2"]
+
+
 @pytest.mark.parametrize(
     ("place", "says"),
     [

@@ -35,7 +35,7 @@ def test_cloth_in_words_is_the_base_models_cloth():
     assert len(cloth_in_words(BaseParameters(bending=-6.5), DataCounts())) == 1
 
 
-@pytest.mark.parametrize(("micro", "shown"), [(8.04, "8"), (73.4, "73"), (99.8, "100"), (124.3, "124")])
+@pytest.mark.parametrize(("micro", "shown"), [(8.04, "8.0"), (73.4, "73"), (99.8, "100"), (124.3, "124")])
 def test_stiffness_is_written_without_exponent(micro, shown):
     data = DataCounts(areal_density_kg_m2=0.4)
     weight = 0.4 * data.gravity_m_s2 * data.cloth_radius_m**3

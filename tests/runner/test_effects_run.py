@@ -15,7 +15,15 @@ from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.verification.resimulate import read_record, repeat
 from cusick_bench.leaderboard.verification.verify import verify_cell
-from cusick_bench.problem import Budget, DrapeProblem, ProblemError, Scene, canonical, parse_causes
+from cusick_bench.problem import (
+    Budget,
+    DrapeProblem,
+    ProblemError,
+    Scene,
+    canonical,
+    parse_causes,
+    profile_in_cloth_frame,
+)
 from cusick_bench.runner import (
     Cell,
     ProblemSettings,
@@ -130,8 +138,9 @@ class TestProblem:
         np.testing.assert_allclose(down.drape(tau), up.drape(tau) * [-1, 1, 1], atol=1e-12)
         np.testing.assert_allclose(down.image(tau), up.image(tau)[:, ::-1], atol=1e-9)
         radii = np.arange(720.0)
-        assert down.scene is not None
-        np.testing.assert_array_equal(down.scene.profile(radii)[[0, 180, 360]], [360, 180, 0])
+        np.testing.assert_array_equal(profile_in_cloth_frame(radii, down.scene)[[0, 180, 360]], [360, 180, 0])
+        for scene in (up.scene, None):
+            np.testing.assert_array_equal(profile_in_cloth_frame(radii, scene), radii)
 
 
 class TestGrid:

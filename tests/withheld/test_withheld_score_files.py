@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from math import nan
+from math import isnan, nan
 
 import pandas as pd
 import pytest
@@ -18,6 +18,7 @@ from cusick_bench.withheld.scoring.calibration import (
 )
 from cusick_bench.withheld.scoring.failures import confusion_by_class, confusion_by_effect, failures
 from cusick_bench.withheld.scoring.labelled_answers import read_labelled_answers
+from cusick_bench.withheld.scoring.measures import AUROC
 from cusick_bench.withheld.scoring.score import ANSWERS
 from cusick_bench.withheld.scoring.table import markdown
 from cusick_bench.withheld.suite.design import plan_suite
@@ -233,6 +234,17 @@ def test_no_figure_of_no_cases_claims_to_have_reached_its_goal(tmp_path):
     assert empty
     assert all(figure.reached == "" for figure in empty)
     assert replace(empty[0], value=nan).reached == ""
+
+
+@pytest.mark.parametrize("truth", [label("none", None, severity=None), label("creep", 2.0)])
+def test_the_area_under_the_curve_has_no_cases_where_nulls_or_effects_are_missing(tmp_path, truth):
+    scores = scored(tmp_path, {"a": truth, "b": truth}, {case: perfect(truth) for case in "ab"})
+    areas = [figure for figure in scores.figures if figure.name == AUROC]
+    assert areas
+    assert all(isnan(figure.value) and figure.cases == 0 for figure in areas)
+    page = markdown(scores, [], {})
+    assert f"| {AUROC} |" not in page
+    assert AUROC in page.split("Not judged")[1].split("\n")[0]
 
 
 def test_a_page_lists_what_had_no_cases_instead_of_empty_lines(tmp_path):

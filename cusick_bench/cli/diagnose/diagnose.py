@@ -211,8 +211,8 @@ def _print(written: _Written) -> None:
             cells = (f"{cause.probability:.2f}", ", ".join(_parameters(cause)), shares.get(cause.effect, ""))
             causes.add_row(name, cause.stage, acts, *cells)
         output.print(causes)
-    if one.budget and one.unexplained.share is not None:  # without an effect that takes a share it is all of the gap
-        output.print(f"unexplained of the gap on unseen samples: {_span(one.unexplained.share, one.unexplained.ci90)}")
+    if one.share_left is not None:
+        output.print(f"unexplained of the gap on unseen samples: {_span(one.share_left, one.unexplained.ci90)}")
     if one.closure.fraction is not None and one.closure.ci90 is not None:
         low, high = one.closure.ci90
         output.print(

@@ -325,6 +325,11 @@ class DiagnosisDocument(Part):
         return sorted(self.causes, key=lambda cause: (cause.effect not in named, -cause.likelihood_of_acting))
 
     @property
+    def share_left(self) -> float | None:
+        """What effects leave of the gap; None where none takes a share, since all of it would be no finding."""
+        return self.unexplained.share if self.budget else None
+
+    @property
     def held_together(self) -> tuple[str, ...]:
         """Effects that `with_effect` simulates together, the largest shift first."""
         return tuple(argument.partition(":")[0] for argument in self.with_effect)

@@ -134,9 +134,9 @@ class OwnOutlines:
 def _averages(seen: Captures) -> tuple[Float[ndarray, "specimens captures"], Float[ndarray, "2 captures"], ndarray]:
     """Means over captures of every sample and face, weights of the captures in the contrasts, and what is known."""
     samples, row = np.unique(seen.sample, return_inverse=True)
-    face = (seen.side == "down").astype(int)  # an unknown side counts as up
+    face = (seen.side == "down").astype(int)  # an unknown side counts as up, where that is missing: `sample_statistics`
     mean = np.zeros((len(samples), 2, len(seen)))
-    mean[row, face, np.arange(len(seen))] = 1
+    mean[row, face, np.arange(len(seen))] = (seen.side != "") | ~np.isin(seen.sample, seen.sample[seen.side == "up"])
     count = mean.sum(2)
     mean /= np.maximum(count, 1)[..., None]
     known = count > 0

@@ -82,7 +82,7 @@ def _present(recorded: str, run: Path) -> str:
         if recorded == "cusick" or not os.environ.get("CUSICK_DATA"):
             raise LeaderboardError(
                 f"the data of {run} must be here, and {error.where} is not; give their folder with --data, or, for the "
-                "public release, set CUSICK_DATA to it"
+                "public release, set CUSICK_DATA to it; `check`, which has no --data, finds them where they were"
             ) from error
         return "cusick"
     return recorded

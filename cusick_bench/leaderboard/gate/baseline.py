@@ -7,26 +7,27 @@ the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from cusick_bench.datasets.splits import LEAVE_ONE_OUT
+from cusick_bench.datasets.splits import LEAVE_ONE_OUT, left_out_sample
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
 from cusick_bench.leaderboard.cells.loading import Cells, load_cells
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
+from cusick_bench.leaderboard.cells.source import load_data_of
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.runner.labels import unspaced
 from cusick_bench.runner.store import write_atomically
 
 IDENTITY = ("solver", "cloth", "seed")
 LEFT_OUT = "left_out"
-"""Column of the first row of the sample that was left out, where samples are left out in turn."""
+"""Column of the number of the sample that was left out, where samples are left out in turn."""
 STATUSES = ("done", "failed")
 KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_profile_rms_m", "test_dc_error")
 """Metrics that a baseline keeps; `check` compares some of them."""
@@ -104,16 +105,18 @@ def settings_digest(settings: str) -> str:
 def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     """With `repeat`: the seed, and where samples are left out in turn, the sample before it."""
     left_out = table[LEFT_OUT].tolist() if LEFT_OUT in table else []
-    if not any(pd.notna(row) for row in left_out):
+    if not any(pd.notna(sample) for sample in left_out):
         return table.drop(columns=LEFT_OUT, errors="ignore").assign(repeat=table["seed"])
-    shift = [(1 + int(row)) * SEEDS if pd.notna(row) else 0 for row in left_out]
+    shift = [(1 + int(sample)) * SEEDS if pd.notna(sample) else 0 for sample in left_out]
     repeat = [seed + more for seed, more in zip(table["seed"].tolist(), shift, strict=True)]
     return with_numbers(table.astype({LEFT_OUT: "Int64"}), repeat)
 
 
-def _left_out(protocol: str, test: Sequence[int]) -> int | None:
-    """First row of the sample that a cell leaves out, where samples are left out in turn."""
-    return test[0] if protocol == LEAVE_ONE_OUT and test else None
+def _index_of(cells: Cells) -> pd.DataFrame:
+    """Index of the run's data, which tells the numbers of samples; empty where none are left out in turn."""
+    skipped = [cell.columns["protocol"] for cell in cells.skipped if cell.columns]
+    in_turn = LEAVE_ONE_OUT in {*cells.table["protocol"], *skipped}
+    return load_data_of(cells).table if in_turn else pd.DataFrame()
 
 
 def _of_run(cells: Cells) -> pd.DataFrame:
@@ -121,13 +124,13 @@ def _of_run(cells: Cells) -> pd.DataFrame:
 
     Cells of a solver by other code than those of the last command stay out, though this asked for fewer seeds.
     """
-    done = cells.table.drop(columns="repeat")
-    done[LEFT_OUT] = [_left_out(*row) for row in zip(done["protocol"], done["test"], strict=True)]
+    done, index = cells.table.drop(columns="repeat"), _index_of(cells)
+    done[LEFT_OUT] = [left_out_sample(index, *split) for split in zip(done["protocol"], done["test"], strict=True)]
     done["key"] = [folder.name for folder in done["folder"]]
     done["settings"] = done["settings"].map(settings_digest)
     others = [
         {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": cell.status, "key": cell.folder.name}
-        | (_problem_of(cell.columns) if cell.columns else {})
+        | (_problem_of(cell.columns, index) if cell.columns else {})
         for cell in cells.skipped
         if cell.seed is not None
     ]
@@ -150,9 +153,10 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     return kept[[*IDENTITY, LEFT_OUT, *_PROBLEM, *metric_names(kept)]].astype({"seed": int})
 
 
-def _problem_of(columns: Mapping[str, Any]) -> dict[str, Any]:
+def _problem_of(columns: Mapping[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     """What a cell that has no metrics shares with those that have."""
-    return {LEFT_OUT: _left_out(columns["protocol"], columns["test"]), "code_version": columns["code_version"]}
+    sample = left_out_sample(index, columns["protocol"], columns["test"])
+    return {LEFT_OUT: sample, "code_version": columns["code_version"]}
 
 
 def _require_finished(cells: Cells, table: pd.DataFrame) -> None:

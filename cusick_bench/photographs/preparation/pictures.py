@@ -22,7 +22,7 @@ class DrapePicture:
     """A photograph of a drape.
 
     Attributes:
-        fabric, sample, capture: Its numbers.
+        fabric, sample, capture: Its numbers; capture 1 where its name has none of a capture.
         path: Its file.
     """
 

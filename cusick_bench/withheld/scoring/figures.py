@@ -49,7 +49,7 @@ class Figure:
             other effect makes.
         value: The figure; NaN without cases.
         low, high: Bounds of its 95 % interval.
-        cases: Number of cases that it is taken over.
+        cases: Number of cases that it is taken over; of the area under the curve 0 where nulls or effects are missing.
         goal: What it should be, if anything.
     """
 
@@ -158,13 +158,13 @@ def _auroc(
     goal: Goal | None,
     bootstrap: _Bootstrap | None,
 ) -> Figure:
-    number = len(positives) + len(nulls)
     if not len(positives) or not len(nulls):
-        return Figure(method, AUROC, subset, nan, nan, nan, number, goal)
+        return Figure(method, AUROC, subset, nan, nan, nan, 0, goal)
     low, high = nan, nan
     if bootstrap is not None and min(len(positives), len(nulls)) >= _DIFFERENT:
         low, high = bootstrap.interval(auroc(bootstrap.resampled(positives), bootstrap.resampled(nulls)))
-    return Figure(method, AUROC, subset, float(auroc(positives, nulls)), low, high, number, goal)
+    area = float(auroc(positives, nulls))
+    return Figure(method, AUROC, subset, area, low, high, len(positives) + len(nulls), goal)
 
 
 def _calibration(method: str, subset: str, cases: pd.DataFrame, bootstrap: _Bootstrap | None) -> list[Figure]:

@@ -22,7 +22,7 @@ class CameraScale(Effect):
     reference = "similarity of the image plane"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "error", "", -0.2, 0.2, 0.02,
+            "error", "1", -0.2, 0.2, 0.02,
             "half of the 4 % by which the absolute scale of the public release is uncertain",
             summary="relative error of the scale",
         ),

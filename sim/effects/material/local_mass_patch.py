@@ -19,7 +19,8 @@ class LocalMassPatch(Effect):
     summary = "one place of the cloth is heavier"
     physics = (
         "Areal density = nominal (1 + mass exp(-d^2 / (2 size^2))), d the distance from the patch's centre; in all "
-        "2 pi size^2 mass times the nominal density is added."
+        "2 pi size^2 mass times the nominal density is added, less what of the patch lies beyond the rim: 12 % at the "
+        "usual place."
     )
     reference = "ISO 3801:1977, Textiles. Woven fabrics. Determination of mass per unit length and mass per unit area."
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -75,6 +75,7 @@ def uneven_forces(
     flat = system.evaluate(mesh.flat[None], mesh.flat[None], p, exact=False, everywhere=True).work
     heights = flat.hinge_vector[0].reshape(-1, 4, 3)[:, :, 2].copy()  # of the flat cloth only heights bend hinges
     rows = np.repeat(np.arange(len(hinges)), 4)
+    heights *= system.elements.hinge_share[:, None]  # of a clamp only the free half bends
     angles = sparse.csr_array((heights.ravel(), (rows, hinges.ravel())), shape=(len(hinges), mesh.vertices))
     work = system.evaluate(x[None], x[None], p, exact=exact, everywhere=True).work
     gradient = work.hinge_vector[0].reshape(-1, 4, 3)

@@ -97,6 +97,13 @@ def test_lists_of_effects_are_read_also_where_they_are_empty(tmp_path: Path) -> 
         assert DiagnosisDocument.read(file).closure.effect == expected
 
 
+def test_nothing_is_left_of_the_gap_where_no_effect_takes_a_share() -> None:
+    assert FULL.share_left == 0.3
+    assert FULL.model_copy(update={"budget": ()}).share_left is None
+    assert FULL.model_copy(update={"unexplained": Unexplained()}).share_left is None
+    assert "share_left" not in FULL.content()
+
+
 def test_keys_of_the_file() -> None:
     """Files of earlier versions, and programs that read them, rely on these."""
     content = FULL.content()

@@ -61,6 +61,26 @@ def test_the_shift_is_what_the_error_did(plain: ndarray, name: str, severity: fl
         np.testing.assert_allclose(found.spread[0], with_error.spread - without.spread, atol=2e-3)
 
 
+def test_captures_of_an_unknown_face_count_only_where_the_upper_one_is_missing(plain: ndarray) -> None:
+    """As in a fabric's own statistics, from which the change is taken off."""
+    known = seen(plain)
+    upper = known.select(known.side == "up")
+    severity, angle = np.array([3e-3]), np.zeros((2, 1))
+
+    def change(*parts: Captures) -> ndarray:
+        together = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("radii", "area", "sample", "side", "capture")
+        }
+        return OwnOutlines(replace(known, **together)).change("camera-offset", severity, angle).contrast
+
+    unknown = replace(upper, side=np.full(len(upper), ""), radii=np.roll(upper.radii, 90, axis=1))
+    np.testing.assert_array_equal(change(known, unknown), change(known))
+    lower = known.select(known.side == "down")
+    unknown = replace(upper, side=np.full(len(upper), ""))
+    np.testing.assert_array_equal(change(unknown, lower), change(upper, lower))
+
+
 def test_another_level_moves_an_outline_along_its_normal() -> None:
     radius, slope = 0.12 + 0.006 * np.cos(8 * ANGLE), -0.048 * np.sin(8 * ANGLE)
     along = (radius - 1j * slope) / np.hypot(radius, slope)  # the normal, from the ray's direction

@@ -115,6 +115,12 @@ def test_an_effect_that_makes_no_setup_is_named(monkeypatch):
         one.apply(_setup(), {one.severity.name: one.severity.high})
 
 
+@each_effect
+def test_every_parameter_states_its_unit(one: Effect):
+    """Documents say "" only of an effect that is not known."""
+    assert {p.unit for p in one.parameters} <= {"m", "1/m", "deg", "1"}
+
+
 def test_a_pure_number_has_no_unit_in_messages():
     pure = Parameter("share", "1", 0, 0.5, 0.1, "none")
     assert pure.unit_text == ""

@@ -240,6 +240,15 @@ def test_a_heavy_patch_adds_its_grams(mass):
     assert float(setup.log_mass[0](_at(0.08, -40.0)).exp()) == pytest.approx(1 + mass, rel=1e-12)
 
 
+def test_what_of_a_patch_lies_beyond_the_rim_is_not_added():
+    """At the usual place as much as its description says."""
+    fine, patch = disc_mesh(2699), effect("local-mass-patch")
+    mass = [float(setup.cloth().vertex_mass(fine).sum()) for setup in (_setup(fine), patch.apply(_setup(fine), {}))]
+    lost = 1 - (mass[1] - mass[0]) / (0.192 * 2 * math.pi * 0.02**2)
+    assert lost == pytest.approx(0.12, abs=5e-3)
+    assert f"{lost:.0%}".replace("%", " %") in patch.physics
+
+
 def test_the_rim_has_its_factor_and_the_plate_has_none():
     setup = parse("rim-stiffening:stiffening=1.2,width=0.01").apply(_setup())
     (log,) = setup.log_bending

@@ -30,11 +30,10 @@ def budget_table(document: DiagnosisDocument) -> BudgetTable | None:
     Returns:
         The table; None where no effect takes a share.
     """
-    left = document.unexplained
-    if not document.budget or left.share is None:
+    if document.share_left is None:
         return None
     rows = [(one.effect, percent(one.share), _interval(one.ci90)) for one in document.budget]
-    rows.append((_UNEXPLAINED, percent(left.share), _interval(left.ci90)))
+    rows.append((_UNEXPLAINED, percent(document.share_left), _interval(document.unexplained.ci90)))
     alike = [f"{group[0]} stands for one of {', '.join(group)}" for group in document.groups]
     words = (
         "Share of the gap, in units of noise, that each effect takes on samples that its severity was not fitted to, "

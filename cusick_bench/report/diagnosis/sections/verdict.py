@@ -71,6 +71,6 @@ def _cause_facts(document: DiagnosisDocument, causes: CauseSection) -> list[Fact
     if document.closure.fraction is not None:
         name = "causes close" if are_several(document) else "cause closes"
         facts.append((name, percent(document.closure.fraction), "of the gap"))
-    if document.budget and document.unexplained.share is not None:  # without an effect that takes a share it is all
-        facts.append(("unexplained", percent(max(document.unexplained.share, 0.0)), "of the gap"))
+    if document.share_left is not None:
+        facts.append(("unexplained", percent(max(document.share_left, 0.0)), "of the gap"))
     return facts

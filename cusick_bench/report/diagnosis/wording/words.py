@@ -235,7 +235,7 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
         rows.append(("bending stiffness", f"{plain(bending, 3)} ρgR³", "in multiples of weight times radius cubed"))
         if (density := data.areal_density_kg_m2) is not None:
             stiffness = bending * density * data.gravity_m_s2 * data.cloth_radius_m**3
-            rows.append(("", f"{_two_digits(1e6 * stiffness)} µN m", f"at {1e3 * density:.0f} g/m²"))
+            rows.append(("", f"{plain(1e6 * stiffness)} µN m", f"at {1e3 * density:.0f} g/m²"))
     for level, words, meaning in (
         (base.anisotropy, "weft to warp", "factor between the bending stiffness of the two"),
         (base.bias, "diagonal to mean", "factor on the bending stiffness at 45°"),
@@ -253,11 +253,6 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
         if (value := _exponential(level)) is not None:
             rows.append((words, measure(unit * value, "m"), meaning))
     return rows
-
-
-def _two_digits(value: float) -> str:
-    """A number to two digits, without exponent where it is 100 or more."""
-    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
 
 
 def _exponential(logarithm: float | None) -> float | None:
