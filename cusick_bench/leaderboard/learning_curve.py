@@ -69,16 +69,16 @@ def learning_splits(
     for split in dataset.split("paper", cloths):
         rows = (split.train[0], *split.test)  # one silhouette a sample
         train, test = _dealt(dataset.index.loc[list(rows), "side"].astype(str).tolist(), unseen)
+        if len(test) < unseen:
+            raise LeaderboardError(
+                f"{split.cloth} has {len(rows)} samples, of which one trains at least, too few for {unseen} unseen; "
+                "give fewer unseen ones, or other cloths"
+            )
         if max(found) > len(train):
             raise LeaderboardError(
                 f"{split.cloth} has {len(rows)} samples, of which {len(train)} show the face that is fitted and are "
                 f"none of the {unseen} unseen, too few to learn from {max(found)}; give smaller numbers of samples or "
                 "fewer unseen ones"
-            )
-        if len(test) < unseen:
-            raise LeaderboardError(
-                f"{split.cloth} has {len(rows)} samples, of which one trains at least, too few for {unseen} unseen; "
-                "give fewer unseen ones, or other cloths"
             )
         for count, splits in found.items():
             splits.append(Split(split.cloth, tuple(rows[i] for i in train[:count]), tuple(rows[i] for i in test)))

@@ -53,6 +53,8 @@ def test_fewer_unseen_samples_than_were_asked_for_are_refused() -> None:
     assert len(split.test) == 11
     with pytest.raises(LeaderboardError, match=r"fabric_1 has 12 samples, of which one trains .* for 14 unseen"):
         learning_splits(dataset, ["fabric_1"], [1], 14)
+    with pytest.raises(LeaderboardError, match=r"fabric_1 has 12 samples, of which one trains .* for 12 unseen"):
+        learning_splits(dataset, ["fabric_1"], [1, 2], 12)  # not that one sample is left, which is none
 
 
 def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -> None:
