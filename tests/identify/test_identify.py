@@ -424,6 +424,10 @@ def test_a_picture_that_shows_no_cloth_on_its_plate_is_left_out_whichever_it_is(
     assert sorted(plan_fits(dataset, ["fabric_1"], options).cells["fabric_1"].train) == others
     forced = plan_fits(dataset, ["fabric_1"], replace(options, force=True))
     assert sorted(forced.cells["fabric_1"].train) == [0, 1, 2]
+    planned = (forced, plan_fits(dataset, ["fabric_1"], options))
+    assert [plan.cells["fabric_1"].protocol for plan in planned] == ["typical-forced", "typical"], (
+        "no cells of one split"
+    )
     (note,) = left_out_notes(dataset, "fabric_1")
     assert "1 picture shows no cloth on its plate, and no stiffness is learned from it" in note
     assert f"Fabric_1_Sample_{spoilt}_Capture_1.jpg: a hole of" in note
