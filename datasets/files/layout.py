@@ -106,7 +106,14 @@ class Layout:
         }
 
     def beside(self, name: str) -> Path | None:
-        """As `beside` the root."""
+        """Finds a table that belongs to the data, as the function `beside` does.
+
+        Args:
+            name: File name of the table, in lower case.
+
+        Returns:
+            Its path; None if there is none.
+        """
         return beside(self.root, name)
 
 
