@@ -3,10 +3,12 @@
     {"law": "paper", "fabrics": {"1": {"bending_N_m": 3 rows of 5, "stretch_N_m": 6 rows of 4, "poisson": 0, ...}, ...}}
 
 The synthetic set has it, since its cloths were simulated; a laboratory that has measured its cloths may write it too.
+The file is looked for where `fabrics.csv` is, and fabrics are named as there (`1`, `fabric_1`, `Fabric 1`).
 Solvers never see it: found stiffness is held against it afterwards.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,8 @@ from torch import Tensor
 
 from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import BadTable
-from cusick_bench.datasets.files.layout import inside_root
+from cusick_bench.datasets.files.fabrics import fabric_key
+from cusick_bench.datasets.files.layout import beside, inside_root
 from cusick_bench.datasets.files.object_file import read_object
 from cusick_bench.files.json_file import shown
 from cusick_bench.sim.cloth.material import BENDING_SHAPE, STRETCH_SAMPLES
@@ -56,11 +59,12 @@ def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
         Its tables; None where there is no `truth.json`, or it does not name the cloth.
 
     Raises:
-        BadTable: `truth.json` is malformed, or holds stiffness that is not positive.
+        BadTable: `truth.json` is malformed, names a fabric twice, or holds stiffness that is not positive.
     """
-    path = inside_root(dataset.root, FILE)
-    if not path.is_file():
+    found = beside(dataset.root, FILE)
+    if found is None:
         return None
+    path = inside_root(found.parent, found.name)
     document = read_object(path, "invalid-truth")
     fabrics, law = document.get("fabrics"), document.get("law", _LAWS[0])
     if not isinstance(fabrics, dict):
@@ -69,12 +73,25 @@ def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
         raise BadTable(
             f'"law" must be {" or ".join(_LAWS)}, got {shown(law)}', where=path, remedy=_REMEDY, kind="invalid-truth"
         )
-    number = str(_fabric(dataset, cloth))
-    if number not in fabrics:
+    names = _names(fabrics, path)
+    keys = (fabric_key(cloth), f"fabric_{_fabric(dataset, cloth)}")
+    name = next((names[key] for key in keys if key in names), None)
+    if name is None:
         return None
-    where = f"{path}, fabric {number}"
-    stretch, bending = (_table(fabrics[number], name, where) for name in _TABLES)
-    return TrueTables(law, stretch, bending, _poisson(fabrics[number].get("poisson", 0.0), where))
+    where = f"{path}, fabric {name}"
+    stretch, bending = (_table(fabrics[name], table, where) for table in _TABLES)
+    return TrueTables(law, stretch, bending, _poisson(fabrics[name].get("poisson", 0.0), where))
+
+
+def _names(fabrics: dict[str, Any], path: Path) -> dict[str, str]:
+    """Names of fabrics as the file has them, by `fabric_key`."""
+    names: dict[str, str] = {}
+    for name in fabrics:
+        if names.setdefault(fabric_key(name), name) != name:
+            first = names[fabric_key(name)]
+            what = f"fabric {shown(name)} is given twice, also as {shown(first)}"
+            raise BadTable(what, where=path, remedy=_REMEDY, kind="invalid-truth")
+    return names
 
 
 def _fabric(dataset: DrapeDataset, cloth: str) -> int:

@@ -28,10 +28,13 @@ from cusick_bench.runner import Cell, ProblemSettings, Results, RunnerError, Sou
 from cusick_bench.runner.samples import training_rows
 from cusick_bench.sim.constants import DEFAULT_LAW
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
 
 SPLIT = "typical"
 """Name of the split in which the most typical drape trains, and other ones of the cloth, and nothing is held out."""
+FORCED_SPLIT = "typical-forced"
+"""Name of the split in which silhouettes train that no cloth on its plate can show."""
 
 
 @dataclass(frozen=True)
@@ -138,17 +141,23 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
         if not _weighed(dataset, rows[0]):
             missing[cloth] = f"{UNWEIGHED}, and a drape shows stiffness over weight only"
             continue
-        used = rows[: solver.samples_used(len(rows))]
-        turned = turned_rows(dataset, used, force=options.force) if solver.learns_both_faces else ()
+        train = _training(dataset, rows, solver, force=options.force)
+        forced = options.force and train != _training(dataset, typical_rows(dataset, cloth), solver)
         (cells[cloth],) = plan(
             dataset,
             solvers=[options.solver],
             seeds=[options.seed],
             settings=settings,
-            protocol=SPLIT,
-            splits=[Split(cloth, (*used, *turned), ())],
+            protocol=FORCED_SPLIT if forced else SPLIT,
+            splits=[Split(cloth, train, ())],
         )
     return FitPlan(cells, missing)
+
+
+def _training(dataset: DrapeDataset, rows: Sequence[int], solver: Solver, *, force: bool = False) -> tuple[int, ...]:
+    """Rows of the index that a solver learns from, of those that it may learn from and of the samples' other face."""
+    used = tuple(rows[: solver.samples_used(len(rows))])
+    return (*used, *turned_rows(dataset, used, force=force)) if used and solver.learns_both_faces else used
 
 
 def _why_none(dataset: DrapeDataset, cloth: str) -> str:

@@ -104,7 +104,10 @@ def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
             f'--weight "{number}=180 g/m2", in a data set a line {key},0.18, in fabrics.csv.'
         ]
     if fit_missing.startswith(FAILED):
-        return ["Repeat the command with another --seed or more --vertices; what is finished is not made again."]
+        return [
+            "Repeat the command with another --seed or more --vertices, by which all fabrics are fitted again; with "
+            f"--cloth {fabric} and an --out of its own, this one alone."
+        ]
     if NO_PHYSICS in fit_missing:
         return ["Repeat the command with a solver that simulates drapes, such as --solver bdp-field."]
     if fit_missing and not fit_missing.startswith(UNUSABLE):  # which the advice on unusable pictures is about

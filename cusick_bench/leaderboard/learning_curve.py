@@ -5,6 +5,7 @@ of cloth, or another day. Of the others the first ones are fitted, with one silh
 face, since a fit learns from one face; samples with pictures of the other face only are chosen as unseen first.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,9 @@ from cusick_bench.metrics.found_stiffness import FoundStiffness
 
 METRICS = ("test_mse", "test_energy_distance", "test_dc_crps", "test_dc_cover_50", "test_dc_cover_90")
 """Columns of `Cells.table` that a curve shows."""
-_FIRST = "first-"  # beginning of names of splits
+USUAL_UNSEEN = 4
+"""Number of samples that no fit sees, where the name of a split says nothing of it."""
+_SPLIT = re.compile(r"first-(\d+)(?:-unseen-\d+)?")
 
 
 @dataclass(frozen=True)
@@ -69,16 +72,16 @@ def learning_splits(
     for split in dataset.split("paper", cloths):
         rows = (split.train[0], *split.test)  # one silhouette a sample
         train, test = _dealt(dataset.index.loc[list(rows), "side"].astype(str).tolist(), unseen)
+        if len(test) < unseen:
+            raise LeaderboardError(
+                f"{split.cloth} has {len(rows)} samples, of which one trains at least, too few for {unseen} unseen; "
+                "give fewer unseen ones, or other cloths"
+            )
         if max(found) > len(train):
             raise LeaderboardError(
                 f"{split.cloth} has {len(rows)} samples, of which {len(train)} show the face that is fitted and are "
                 f"none of the {unseen} unseen, too few to learn from {max(found)}; give smaller numbers of samples or "
                 "fewer unseen ones"
-            )
-        if len(test) < unseen:
-            raise LeaderboardError(
-                f"{split.cloth} has {len(rows)} samples, of which one trains at least, too few for {unseen} unseen; "
-                "give fewer unseen ones, or other cloths"
             )
         for count, splits in found.items():
             splits.append(Split(split.cloth, tuple(rows[i] for i in train[:count]), tuple(rows[i] for i in test)))
@@ -116,16 +119,17 @@ def learning_curve(cells: Cells, *, seed: int = 0) -> list[LearningStep]:
     return steps
 
 
-def split_name(samples: int) -> str:
-    """Name of the split of a learning curve.
+def split_name(samples: int, unseen: int = USUAL_UNSEEN) -> str:
+    """Name of the split of a learning curve; another number of unseen samples makes another split.
 
     Args:
         samples: Number of training samples.
+        unseen: Number of samples that no fit sees.
 
     Returns:
-        Such as `first-4`.
+        Such as `first-4`, or `first-4-unseen-2`.
     """
-    return f"{_FIRST}{samples}"
+    return f"first-{samples}" + ("" if unseen == USUAL_UNSEEN else f"-unseen-{unseen}")
 
 
 def samples_of_split(name: str) -> int | None:
@@ -137,8 +141,8 @@ def samples_of_split(name: str) -> int | None:
     Returns:
         The number; None for any other split.
     """
-    number = name.removeprefix(_FIRST)
-    return int(number) if number != name and number.isdecimal() else None
+    found = _SPLIT.fullmatch(name)
+    return int(found[1]) if found else None
 
 
 def trained_on(table: pd.DataFrame) -> pd.Series:

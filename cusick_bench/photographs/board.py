@@ -13,6 +13,7 @@ COLUMNS, ROWS = 9, 11  # squares
 SQUARE = 0.020  # [m]
 MARKER = 0.015  # [m]
 WIDTH, HEIGHT = COLUMNS * SQUARE, ROWS * SQUARE  # [m]
+LEAST_DISC = 0.1  # [m] least diameter of a disc cut out of it whose corners (12) are enough for a calibration
 _DICTIONARY = cv2.aruco.DICT_4X4_50
 
 

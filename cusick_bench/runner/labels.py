@@ -1,7 +1,8 @@
 """Texts for cells and versions; separate, so that reading results does not import the simulator."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 _OPTION = re.compile(r"\s*,\s*(\w+)\s*=\s*")
@@ -65,3 +66,37 @@ def numerics_text(versions: Mapping[str, int]) -> str:
         Text such as `engine 1, law paper 1, metrics 1`.
     """
     return ", ".join(f"{part} {version}" for part, version in versions.items())
+
+
+PARTS_OF_SAMPLES = ("both faces", "repeats")
+"""Parts of the numerics that cells have only where their samples need them: cells of one code may differ in them."""
+
+
+def comparable_versions(texts: Iterable[str]) -> dict[str, str]:
+    """Versions of several cells such that those of one code are the same.
+
+    Cells that differ in `PARTS_OF_SAMPLES` alone are of one code, as long as none of these parts has two versions.
+
+    Args:
+        texts: Versions of each cell, from `numerics_text`.
+
+    Returns:
+        By each text, the same with those of these parts that other cells of its code have.
+    """
+    alike: dict[frozenset[str], dict[str, set[str]]] = defaultdict(dict)
+    for text in texts:
+        parts = set(text.split(", "))
+        of_samples = {part for part in parts if _part_name(part) in PARTS_OF_SAMPLES}
+        alike[frozenset(parts - of_samples)][text] = of_samples
+    found: dict[str, str] = {}
+    for cells in alike.values():
+        known = set[str]().union(*cells.values())
+        once = len(set(map(_part_name, known))) == len(known)
+        for text, own in cells.items():
+            missing = known - own if once else ()
+            found[text] = ", ".join(sorted([*text.split(", "), *missing], key=_part_name)) if missing else text
+    return found
+
+
+def _part_name(part: str) -> str:
+    return part.rpartition(" ")[0]

@@ -29,7 +29,7 @@ lean by 4 and 8 deg and by eyes .8 to 2.5 m above the plate (`test_datasets_hang
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -48,7 +48,24 @@ _STEEPEST = 1e-3  # least change of an apparent radius by the true one, below wh
 _TABLE = 2001  # radii between which what a near eye sees is interpolated
 
 
-def rim_depth(radii: Float[ndarray, "*shape"], protocol: Protocol) -> Float[ndarray, "*shape"]:
+class Sizes(NamedTuple):
+    """What of a protocol this model depends on.
+
+    Attributes:
+        plate_radius_m: Radius of the plate [m].
+        cloth_radius_m: Radius of the flat cloth [m].
+    """
+
+    plate_radius_m: float
+    cloth_radius_m: float
+
+    @property
+    def overhang_m(self) -> float:
+        """As a protocol's."""
+        return self.cloth_radius_m - self.plate_radius_m
+
+
+def rim_depth(radii: Float[ndarray, "*shape"], protocol: Protocol | Sizes) -> Float[ndarray, "*shape"]:
     """Depth of the rim below the plate, of a cloth that hangs in straight lines from the plate's edge.
 
     A lone strip hangs in a curve, less deep than its chord, and the cloth's weight stretches it: the two nearly cancel.
@@ -66,7 +83,7 @@ def rim_depth(radii: Float[ndarray, "*shape"], protocol: Protocol) -> Float[ndar
 
 
 def outline_depth(
-    radii: Float[ndarray, "*shape"], slope: Float[ndarray, "*shape"], protocol: Protocol
+    radii: Float[ndarray, "*shape"], slope: Float[ndarray, "*shape"], protocol: Protocol | Sizes
 ) -> Float[ndarray, "*shape"]:
     """Depth that a point of the outline seems to have: the outline recedes by the slope times this.
 
@@ -101,10 +118,7 @@ def with_perspective(
         Radii at the scale of the plate's plane [m].
     """
     height = protocol.camera_height_m if height is None else height
-    seen = radii
-    for _ in range(_ROUNDS):
-        seen = radii * height / (height + outline_depth(radii, seen / height, protocol))
-    return np.where(radii > protocol.plate_radius_m, seen, radii)
+    return _with_perspective(radii, Sizes(protocol.plate_radius_m, protocol.cloth_radius_m), height)
 
 
 def without_perspective(radii: Any, protocol: Protocol, height: float | None = None) -> Any:
@@ -119,7 +133,7 @@ def without_perspective(radii: Any, protocol: Protocol, height: float | None = N
         Radii [m], differentiable if a tensor is given; inside the plate and beyond the flat cloth as they are.
     """
     height = protocol.camera_height_m if height is None else height
-    seen, true = _table(protocol.plate_radius_m, protocol.cloth_radius_m, height)
+    seen, true = _table(Sizes(protocol.plate_radius_m, protocol.cloth_radius_m), height)
     if isinstance(radii, ndarray):
         hangs = (radii > seen[0]) & (radii < seen[-1])
         return np.where(hangs, np.interp(radii, seen, true), radii)
@@ -132,10 +146,17 @@ def without_perspective(radii: Any, protocol: Protocol, height: float | None = N
     return torch.where(hangs, to[before] + slope * (radii - at[before]), radii)
 
 
+def _with_perspective(radii: Float[ndarray, "*shape"], sizes: Sizes, height: float) -> Float[ndarray, "*shape"]:
+    seen = radii
+    for _ in range(_ROUNDS):
+        seen = radii * height / (height + outline_depth(radii, seen / height, sizes))
+    return np.where(radii > sizes.plate_radius_m, seen, radii)
+
+
 @lru_cache(maxsize=64)
-def _table(plate: float, cloth: float, height: float) -> tuple[Float[ndarray, " radii"], Float[ndarray, " radii"]]:
+def _table(sizes: Sizes, height: float) -> tuple[Float[ndarray, " radii"], Float[ndarray, " radii"]]:
     """Apparent radii of hanging outlines, which increase, and their true ones [m]."""
-    true = np.linspace(plate, cloth, _TABLE)
-    seen = with_perspective(true, Protocol(plate_radius_m=plate, cloth_radius_m=cloth), height)
+    true = np.linspace(sizes.plate_radius_m, sizes.cloth_radius_m, _TABLE)
+    seen = _with_perspective(true, sizes, height)
     rises = np.concatenate([[True], np.diff(np.maximum.accumulate(seen)) > _STEEPEST * (true[1] - true[0])])
     return seen[rises], true[rises]

@@ -106,20 +106,33 @@ class Layout:
         }
 
     def beside(self, name: str) -> Path | None:
-        """Finds a table that belongs to the data: in the root, in its `data` folder, or above a data folder,
-        a fabric's, or one of silhouettes, meshes or a sample.
+        """Finds a table that belongs to the data, as the function `beside` does.
 
         Args:
-            name: File name of the table, in lower case; other cases are found too, as on file systems that know none.
+            name: File name of the table, in lower case.
 
         Returns:
             Its path; None if there is none.
         """
-        places, top = [self.root, self.root / "data"], self.root
-        while top.name == "data" or any(pattern.fullmatch(top.name) for pattern in _HOMES):
-            top = top.parent
-            places.append(top)
-        return next((found for place in places if (found := _in_any_case(place, name))), None)
+        return beside(self.root, name)
+
+
+def beside(root: Path, name: str) -> Path | None:
+    """Finds a table that belongs to the data: in the root, in its `data` folder, or above a data folder, a fabric's, or
+    one of silhouettes, meshes or a sample.
+
+    Args:
+        root: Folder of the data set, resolved.
+        name: File name of the table, in lower case; other cases are found too, as on file systems that know none.
+
+    Returns:
+        Its path; None if there is none.
+    """
+    places, top = [root, root / "data"], root
+    while top.name == "data" or any(pattern.fullmatch(top.name) for pattern in _HOMES):
+        top = top.parent
+        places.append(top)
+    return next((found for place in places if (found := _in_any_case(place, name))), None)
 
 
 def _in_any_case(place: Path, name: str) -> Path | None:

@@ -76,6 +76,17 @@ def test_flat_cloth_and_the_plate_are_seen_where_they_are() -> None:
     np.testing.assert_allclose(outline_depth(edges, np.full_like(edges, 0.1), RELEASE)[2:], 0, atol=1e-6)
 
 
+@pytest.mark.parametrize(("plate", "cloth"), [(0.12, 0.20), (0.24, 0.40), (0.011, 0.05)])
+def test_sizes_that_no_picture_of_the_release_holds_are_corrected_too(plate: float, cloth: float) -> None:
+    scale = 120 / cloth
+    protocol = Protocol(
+        cloth_radius_m=cloth, plate_radius_m=plate, px_per_m=scale, projection="pinhole", camera_height_m=5 * cloth
+    )
+    radii = np.linspace(plate + 0.2 * (cloth - plate), cloth, 9)
+    back = without_perspective(with_perspective(radii, protocol), protocol)
+    np.testing.assert_allclose(back, radii, rtol=1e-6)
+
+
 @pytest.mark.parametrize(("height", "most"), [(0.55, 0.025), (0.85, 0.01), (1.5, 0.005)])
 def test_the_drape_coefficient_of_the_shipped_cloths_does_not_depend_on_the_camera(height: float, most: float) -> None:
     dataset = load("synthetic").select(sample=[1, 2, 3])

@@ -37,6 +37,20 @@ def test_a_laboratory_without_truth_has_none_and_one_that_measured_has(lab):
     assert float(tables.bending[2, 0]) == 1e-6
 
 
+@pytest.mark.parametrize("name", ["1", "fabric_1", "Fabric 1", "01"])
+def test_a_fabric_is_named_as_in_fabrics_csv(lab, name):
+    (lab / "truth.json").write_text(json.dumps({"fabrics": {name: TABLES}}))
+    assert true_tables(load(lab), "fabric_1") is not None
+
+
+@pytest.mark.parametrize(("place", "given"), [("", "data"), ("", "data/Fabric 1"), ("data", "")])
+def test_truth_is_looked_for_where_fabrics_csv_is(lab, place, given):
+    (lab / place / "truth.json").write_text(json.dumps({"fabrics": {"1": TABLES}}))
+    dataset = load(lab / given)
+    assert dataset.require_density(0) > 0
+    assert true_tables(dataset, "fabric_1") is not None
+
+
 def test_a_truth_of_law_plate_has_its_poissons_ratio(lab):
     (lab / "truth.json").write_text(json.dumps({"law": "plate", "fabrics": {"1": TABLES | {"poisson": 0.2}}}))
     tables = true_tables(load(lab), "fabric_1")
@@ -51,6 +65,7 @@ def test_a_truth_of_law_plate_has_its_poissons_ratio(lab):
         ("{", "truth.json"),
         ("{}", "fabrics"),
         ('{"fabrics": {"1": 3}}', "stretch_N_m"),
+        (json.dumps({"fabrics": {"1": TABLES, "fabric_1": TABLES}}), "twice"),
         (json.dumps({"law": "published", "fabrics": {"1": TABLES}}), "published"),
         (json.dumps({"fabrics": {"1": TABLES | {"poisson": 1.0}}}), "between -1 and 1"),
         (json.dumps({"fabrics": {"1": TABLES | {"poisson": "0.2"}}}), "between -1 and 1"),

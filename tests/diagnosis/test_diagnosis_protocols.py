@@ -152,6 +152,7 @@ def test_perspective_is_taken_out_and_said(laboratories):
     assert np.abs(ours.radii - nominal.radii).mean() < 1.5e-3
     (note,) = to_atlas(ours)[1]
     assert "radii are corrected for the pinhole camera" in note
+    assert "hangs and bulges" in note, "as `hanging_line` does, no longer as straight lines"
 
 
 def test_a_large_cloth_under_a_near_camera_is_scaled(laboratories):

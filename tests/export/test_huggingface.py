@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -71,6 +72,33 @@ def test_the_table_says_that_images_are_images(written: Path):
     features = json.loads(_table(written).schema.metadata[b"huggingface"])["info"]["features"]
     assert features["image"] == {"_type": "Image"}
     assert set(features) == {"image", *COLUMNS} == set(_table(written).column_names)
+
+
+def test_the_card_says_how_pictures_are_read(written: Path, toy_data: Path, tmp_path: Path):
+    """Areas of pictures from .8 m give 8 points too small a drape coefficient."""
+    card = (written / "README.md").read_text(encoding="utf-8")
+    assert "column 127.5, row 127.5" in card
+    assert "y axis points to the first row" in card
+    assert "parallel" in card
+    near = Path(shutil.copytree(toy_data, tmp_path / "near"))
+    protocol = {"projection": "pinhole", "camera_height_m": 0.8, "image_y": "down", "centre_px": [127, 128.25]}
+    (near / "protocol.json").write_text(json.dumps(protocol))
+    write_huggingface(load(near), tmp_path / "out")
+    card = (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    assert "column 127, row 128.25" in card
+    assert "y axis points to the last row" in card
+    assert "0.8 m above the plate" in card
+
+
+def test_pictures_of_a_series_have_numbers_of_their_own(toy_data: Path, tmp_path: Path):
+    picture = next(toy_data.rglob("*.png"), None) or next(toy_data.rglob("*.jpg"))
+    folder = tmp_path / "lab" / "data" / "Fabric 1 Observations" / "Sample 2"
+    folder.mkdir(parents=True)
+    for number in (1, 2, 3):
+        shutil.copy(picture, folder / f"Obs_{number}{picture.suffix}")
+    write_huggingface(load(tmp_path / "lab"), tmp_path / "out")
+    rows = _table(tmp_path / "out").to_pylist()
+    assert [(row["sample"], row["capture"], row["observation"]) for row in rows] == [(2, 1, 1), (2, 1, 2), (2, 1, 3)]
 
 
 def test_the_card_says_that_data_without_a_licence_are_not_to_be_published(written: Path):

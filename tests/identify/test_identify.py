@@ -131,6 +131,20 @@ def test_advice_fits_the_reason(lab, missing, advice):
     assert first.startswith(advice)
 
 
+def test_another_seed_fits_all_fabrics_again_as_the_advice_on_a_failed_fit_says(lab):
+    dataset, options = load(lab), Options(solver=SOLVER)
+    (advice,) = fabric_next(
+        dataset, "fabric_1", Drapes(samples=3, silhouettes=3, units=3), "the fit failed: x", None, 0
+    )[:1]
+    assert "all fabrics are fitted again" in advice
+    assert "--cloth fabric_1 and an --out of its own" in advice
+    keys = [
+        {cell.key for cell in plan_fits(dataset, dataset.cloths, one).cells.values()}
+        for one in (options, replace(options, seed=1), replace(options, vertices=options.vertices + 100))
+    ]
+    assert len(set.union(*keys)) == sum(map(len, keys))
+
+
 @pytest.mark.parametrize(("cloth", "advised"), [(0.15, False), (0.12, True), (0.18, True)])
 def test_samples_for_a_diagnosis_are_of_the_size_that_it_knows(lab, cloth, advised):
     dataset = load(lab)
@@ -424,6 +438,10 @@ def test_a_picture_that_shows_no_cloth_on_its_plate_is_left_out_whichever_it_is(
     assert sorted(plan_fits(dataset, ["fabric_1"], options).cells["fabric_1"].train) == others
     forced = plan_fits(dataset, ["fabric_1"], replace(options, force=True))
     assert sorted(forced.cells["fabric_1"].train) == [0, 1, 2]
+    planned = (forced, plan_fits(dataset, ["fabric_1"], options))
+    assert [plan.cells["fabric_1"].protocol for plan in planned] == ["typical-forced", "typical"], (
+        "no cells of one split"
+    )
     (note,) = left_out_notes(dataset, "fabric_1")
     assert "1 picture shows no cloth on its plate, and no stiffness is learned from it" in note
     assert f"Fabric_1_Sample_{spoilt}_Capture_1.jpg: a hole of" in note

@@ -14,6 +14,8 @@ from cusick_bench import metrics
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
+from cusick_bench.leaderboard.cells.loading import load_cells
+from cusick_bench.leaderboard.cells.variants import variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate import paired
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
@@ -327,6 +329,23 @@ def left_out(lab, tmp_path_factory) -> Path:
 
 class TestLeftOut:
     """Samples that are left out in turn: each is a cell of its own."""
+
+    def test_cells_whose_samples_show_other_faces_are_of_one_code(self, lab, tmp_path):
+        """Some cells train on both faces or are scored on repeats, others of the same run do not."""
+        own = Path(shutil.copytree(lab, tmp_path / "own"))
+        up = own / "data" / "Fabric 1" / "silhouettes" / "Fabric_1_Sample_1_Capture_1.jpg"
+        shutil.copy(up, up.with_name("Fabric_1_Sample_1_Capture_3.jpg"))
+        folder = solve(own, tmp_path / "run", [0], ["null:disc"], protocol="leave-one-sample-out")
+        table = load_cells(folder).table
+        assert len(set(table["code_version"])) == 3
+        ((name, group),) = variants(table)
+        assert name == ("null:disc", "")
+        assert len(group) == 2 * CLOTHS_RUN
+        assert set(group["code_version"]) == {
+            f"both faces 1, datasets 1, metrics {metrics.NUMERICS_VERSION}, repeats 1, solver null:disc 1"
+        }
+        solve(own, folder, [0], ["null:disc"], protocol="leave-one-sample-out", cloths=["fabric_2"])
+        assert len(read_cells(folder)) == 2 * CLOTHS_RUN
 
     def test_each_is_compared_with_itself(self, left_out, tmp_path):
         baseline = tmp_path / "baseline.csv"

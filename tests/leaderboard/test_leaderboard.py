@@ -470,6 +470,16 @@ def _with_options(cell: Path, options: dict[str, float]) -> None:
         path.write_text(json.dumps(json.loads(path.read_text()) | {"solver_options": options}))
 
 
+def test_cells_of_one_code_make_one_row_whatever_their_samples_need(tmp_path):
+    plain, both = "engine 1, metrics 1", "both faces 1, engine 1, metrics 1"
+    for cloth, code in (("blue", plain), ("red", both), ("white", f"{both}, repeats 1")):
+        write_cell(tmp_path, "homo", cloth, code_version=code)
+    write_cell(tmp_path, "homo", "pink", code_version=plain, status="failed", failure="diverged")
+    assert [(row.variant, row.cells, row.failed) for row in only(tmp_path).rows[1:]] == [("", 3, 1)]
+    write_cell(tmp_path, "homo", "viscose", code_version=f"{both}, repeats 2")
+    assert sorted(row.cells for row in only(tmp_path).rows[1:]) == [1, 1, 1, 1]
+
+
 def test_cells_of_two_splits_stand_apart(tmp_path):
     """Each board counts, and submits, its own finished and failed cells."""
     for split, code in (("paper", "1"), ("all", "2")):

@@ -1,5 +1,6 @@
 """What more samples of a cloth are worth: nested training samples, the same unseen ones, one row a number."""
 
+import inspect
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +12,17 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.cli.fit.learning_curve import learning_curve_command
 from cusick_bench.datasets import load
-from cusick_bench.leaderboard import LeaderboardError
+from cusick_bench.leaderboard import LeaderboardError, leaderboards, load_cells
 from cusick_bench.leaderboard.cells.loading import Cells
-from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
+from cusick_bench.leaderboard.learning_curve import (
+    USUAL_UNSEEN,
+    learning_curve,
+    learning_splits,
+    samples_of_split,
+    split_name,
+)
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 
 TRUTH = {"weft": 1e-6, "bias": 2e-6, "warp": 4e-6}
@@ -53,6 +61,8 @@ def test_fewer_unseen_samples_than_were_asked_for_are_refused() -> None:
     assert len(split.test) == 11
     with pytest.raises(LeaderboardError, match=r"fabric_1 has 12 samples, of which one trains .* for 14 unseen"):
         learning_splits(dataset, ["fabric_1"], [1], 14)
+    with pytest.raises(LeaderboardError, match=r"fabric_1 has 12 samples, of which one trains .* for 12 unseen"):
+        learning_splits(dataset, ["fabric_1"], [1, 2], 12)  # not that one sample is left, which is none
 
 
 def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,6 +115,20 @@ def test_one_cloth_has_a_step_too() -> None:
 def test_cells_of_another_protocol_are_refused() -> None:
     with pytest.raises(LeaderboardError, match="'paper' are no learning curve"):
         learning_curve(cells_of([cell(1, "a", 0.01, 2.0, 3.0) | {"protocol": "paper"}]))
+
+
+def test_another_number_of_unseen_samples_is_another_split(tmp_path: Path) -> None:
+    """Scores on two unseen samples are no seeds of those on three."""
+    assert inspect.signature(learning_curve_command).parameters["unseen"].default == USUAL_UNSEEN
+    assert (split_name(2), split_name(2, 3)) == ("first-2", "first-2-unseen-3")
+    assert [samples_of_split(name) for name in ("first-2", "first-2-unseen-3", "paper")] == [2, 2, None]
+    for unseen in (3, 2):
+        arguments = ["learning-curve", "--out", tmp_path, "--cloth", "fabric_1", "--learn-from", 1, "--workers", 1]
+        arguments += ["--unseen", unseen, "--vertices", 97, "--solver", "null:disc"]
+        assert CliRunner().invoke(app, [str(one) for one in arguments]).exit_code == 0
+    boards = leaderboards(load_cells(tmp_path))
+    counts = {board.protocol: [row.cells for row in board.rows if row.solver == "null:disc"] for board in boards}
+    assert counts == {"first-1-unseen-2": [1], "first-1-unseen-3": [1]}
 
 
 def test_the_command_goes_on_and_writes_a_row_for_each_number(tmp_path: Path, one_thread: None) -> None:

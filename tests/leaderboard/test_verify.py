@@ -226,6 +226,15 @@ class TestCells:
         found = verify_cell(folder_of(finished, "homo"), load(other))
         assert (found.status, [check.name for check in found.broken]) == ("differs", ["data"])
 
+    def test_data_that_have_lost_samples_are_other_data_too(self, finished, data, tmp_path):
+        """As of a run that was continued on another data set: the cell is sound, and its rows are not there."""
+        fewer = Path(shutil.copytree(data, tmp_path / "fewer"))
+        for path in fewer.rglob("*Sample_*"):
+            if "Sample_1_Capture_1." not in path.name:
+                path.unlink()
+        found = verify_cell(folder_of(finished, "null:disc"), load(fewer))
+        assert (found.status, [check.name for check in found.broken]) == ("differs", ["data"])
+
     def test_other_code_is_said(self, finished, dataset, monkeypatch):
         monkeypatch.setattr("cusick_bench.metrics.NUMERICS_VERSION", 99)
         found = verify_cell(folder_of(finished, "null:disc"), dataset)

@@ -25,7 +25,8 @@ def test_the_board_is_printed_for_either_paper(tmp_path):
     ("words", "says"),
     [
         (["--out", "board.png"], "--out must end in .pdf"),
-        (["--out", "board.pdf", "--plate-diameter", "300 mm"], "from 60 to 200 mm"),
+        (["--out", "board.pdf", "--plate-diameter", "300 mm"], "from 100 to 200 mm"),
+        (["--out", "board.pdf", "--plate-diameter", "90 mm"], "from 100 to 200 mm"),
     ],
 )
 def test_a_board_that_cannot_be_printed_is_refused(words, says):

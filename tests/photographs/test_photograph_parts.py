@@ -11,8 +11,8 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.photographs.accuracy import Measured, accuracy, measure
-from cusick_bench.photographs.board import HEIGHT, WIDTH, charuco_board, in_plate_axes
-from cusick_bench.photographs.calibration.boards import SeenBoard, view_from_boards
+from cusick_bench.photographs.board import HEIGHT, LEAST_DISC, WIDTH, board_cells, charuco_board, in_plate_axes
+from cusick_bench.photographs.calibration.boards import SeenBoard, find_board, view_from_boards
 from cusick_bench.photographs.calibration.plate import view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
@@ -171,6 +171,20 @@ def test_the_board_lies_about_its_middle():
     assert places.mean(axis=0) == pytest.approx(0, abs=1e-6)
     assert np.ptp(places[:, 0]) == pytest.approx(WIDTH - 0.04)
     assert np.ptp(places[:, 1]) == pytest.approx(HEIGHT - 0.04)
+
+
+def test_the_least_disc_of_the_board_has_enough_corners_and_a_smaller_one_has_not():
+    cells = board_cells(48)
+    rows, columns = (np.arange(count) - (count - 1) / 2 for count in cells.shape)
+    reach = np.hypot(rows[:, None], columns) / 48 * 0.02  # [m]
+
+    def disc(diameter):
+        levels = cv2.GaussianBlur(np.where(reach < diameter / 2, cells, 120).astype(np.uint8), (0, 0), 1)
+        return Photograph(np.repeat(levels[..., None], 3, axis=2), None)
+
+    assert len(find_board(disc(LEAST_DISC), "board-plane.jpg").places) == 12
+    with pytest.raises(BadPhotograph, match="shows 4 corners of the board, at least 12 are needed"):
+        find_board(disc(0.09), "board-plane.jpg")
 
 
 def test_the_sheet_has_its_true_size(tmp_path):

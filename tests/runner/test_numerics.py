@@ -6,6 +6,7 @@ import pytest
 from golden import PATH, changes, goldens, stored
 
 from cusick_bench.problem import SPACES
+from cusick_bench.runner.labels import PARTS_OF_SAMPLES
 from cusick_bench.runner.numerics import cell_numerics
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.registry import make_solver, registered
@@ -47,6 +48,14 @@ def test_a_cell_has_the_version_of_the_space_that_it_is_in(solver, asked, used):
     versions = cell_numerics(make_solver(solver), DrapeSettings(), space=asked)
     found = {name: number for name, number in versions.items() if name.startswith("space ")}
     assert found == ({f"space {used}": SPACES[used].version} if used and SPACES[used].version > 1 else {})
+
+
+def test_parts_that_only_some_samples_need_are_known_as_such():
+    """Cells of one run differ in them; the camera is that of the whole data set."""
+    solver, settings = make_solver("bdp-field"), DrapeSettings()
+    every = {"both_faces": True, "repeats": True}
+    more = cell_numerics(solver, settings, **every).keys() - cell_numerics(solver, settings).keys()
+    assert more == set(PARTS_OF_SAMPLES)
 
 
 def test_a_changed_number_is_found():

@@ -55,7 +55,7 @@ def learning_curve_command(
     unseen: Annotated[
         int,
         data_option(min=2, max=MOST_CASES, help="Samples of every cloth that no fit sees, spread over all samples."),
-    ] = 4,
+    ] = 4,  # USUAL_UNSEEN
     solver: Solvers = None,
     seeds: Seeds = 1,
     seed: FirstSeed = 0,
@@ -90,7 +90,7 @@ def learning_curve_command(
             solvers=solver or [_SOLVER],
             seeds=list(range(seed, seed + seeds)),
             settings=settings,
-            protocol=split_name(count),
+            protocol=split_name(count, unseen),
             splits=splits,
         )
     ]

@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.leaderboard.cells.loading import Skipped
+from cusick_bench.runner.labels import comparable_versions
 
 VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
 """Columns that are the same in all cells of a row."""
@@ -25,9 +26,12 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
         table: Table of cells, from `load_cells`.
 
     Returns:
-        (Solver, what sets it apart from others of the same name) and its cells.
+        (Solver, what sets it apart from others of the same name) and its cells; all of them have the versions of all
+        parts of the code that any of them needs.
     """
-    for solver, group in table.groupby("solver", sort=True):
+    for solver, cells in table.groupby("solver", sort=True):
+        versions = comparable_versions(cells["code_version"].unique())
+        group = cells.assign(code_version=[versions[text] for text in cells["code_version"]])
         settings = [flattened(json.loads(text)) for text in group["settings"].unique()]
         for _, part in group.groupby(VARIANT, sort=True):
             first = part.iloc[0]
@@ -65,9 +69,20 @@ def failures(group: pd.DataFrame, skipped: Iterable[Skipped]) -> list[Skipped]:
     Returns:
         Those of them that failed.
     """
-    columns = [*VARIANT, *BOARD]
-    own = set(group[columns].itertuples(index=False, name=None))
-    return [cell for cell in skipped if cell.status == "failed" and tuple(map(cell.columns.get, columns)) in own]
+    columns = [name for name in (*VARIANT, *BOARD) if name != "code_version"]
+    own, codes = set(group[columns].itertuples(index=False, name=None)), [*group["code_version"].unique()]
+
+    def of_one_code(text: str) -> bool:
+        versions = comparable_versions([text, *codes])
+        return versions[text] in {versions[code] for code in codes}
+
+    return [
+        cell
+        for cell in skipped
+        if cell.status == "failed"
+        and tuple(map(cell.columns.get, columns)) in own
+        and of_one_code(str(cell.columns.get("code_version")))
+    ]
 
 
 def problems_run(group: pd.DataFrame, skipped: Iterable[Skipped]) -> frozenset[Problem]:

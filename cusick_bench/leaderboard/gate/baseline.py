@@ -22,7 +22,7 @@ from cusick_bench.leaderboard.cells.loading import Cells, load_cells
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.cells.source import load_data_of
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.runner.labels import unspaced
+from cusick_bench.runner.labels import comparable_versions, unspaced
 from cusick_bench.runner.store import write_atomically
 
 IDENTITY = ("solver", "cloth", "seed")
@@ -142,9 +142,11 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     last = asked.groupby([table[name] for name in (*IDENTITY, LEFT_OUT)], dropna=False).transform("max")
     table = table.loc[asked == last].assign(asked=last)
     latest = table.loc[table["asked"] == table.groupby("solver")["asked"].transform("max")]
-    codes = latest.dropna(subset=["code_version"]).groupby("solver")["code_version"].agg(set).to_dict()
+    versions = comparable_versions(table["code_version"].dropna().unique())
+    codes = latest.dropna(subset=["code_version"]).groupby("solver")["code_version"]
+    known = {solver: {versions[code] for code in group} for solver, group in codes}
     same = [
-        pd.isna(code) or code in codes.get(solver, {code})
+        pd.isna(code) or solver not in known or versions[code] in known[solver]
         for solver, code in zip(table["solver"], table["code_version"], strict=True)
     ]
     table = table.loc[same]

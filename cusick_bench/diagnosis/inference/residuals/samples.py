@@ -66,8 +66,8 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
     factor, notes = CLOTH_RADIUS / protocol.cloth_radius_m, [*captures.notes, *lengths_of_atlas(protocol)]
     if protocol.projection == "pinhole":
         notes.append(
-            "radii are corrected for the pinhole camera of protocol.json as those of straight generators from the "
-            "plate's edge to the rim: what is left of perspective may show as an effect of the camera"
+            "radii are corrected for the pinhole camera of protocol.json as cloth hangs and bulges from the plate's "
+            "edge on average: what is left of perspective may show as an effect of the camera"
         )
     nominal = replace(
         protocol,
