@@ -1,177 +1,28 @@
-"""Leaderboards on synthetic results whose truth is known, and on damaged folders."""
+"""Rows and ranks of leaderboards, of made-up cells whose truth is known."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from cusick_bench.cli.results.leaderboard import leaderboard
 from cusick_bench.leaderboard import (
     LeaderboardError,
     csv,
     difference,
-    estimate,
-    html_table,
-    interquartile_mean,
-    latex,
     leaderboards,
     load_cells,
     markdown,
     text_table,
 )
-from cusick_bench.leaderboard.bootstrap import beside, cell_values, geometric_mean, mean
-from cusick_bench.leaderboard.cells.cell_number import SEEDS
+from cusick_bench.leaderboard.bootstrap import cell_values, mean
 from cusick_bench.leaderboard.verification.submit import append, rows_of
-from cusick_bench.metrics.distributions.proper_scores import variogram_score
-from cusick_bench.runner import Store
-
-app = typer.Typer()
-app.command()(leaderboard)
-
-CLOTHS = ("blue", "pink", "white", "viscose", "red")
-DIFFICULTY = dict(zip(CLOTHS, (0.03, 0.04, 0.05, 0.06, 0.07), strict=True))
-
-
-def write_cell(folder: Path, solver: str, cloth: str, seed: int = 0, **changes) -> Path:
-    cell = folder / "cells" / f"{solver}-{cloth}-{seed}".replace(":", "_")
-    cell.mkdir(parents=True)
-    metrics = {"train_mse": 0.01, "test_mse": 0.05, "test_mse_best": 0.05, "draws": 1, "floor_mse": 0.0064}
-    metrics |= {"test_hausdorff_m": 0.0316, "test_dc_error": 0.02, "test_folds_error": 0.5}
-    record = {
-        "solver": solver,
-        "kind": solver.split(":")[0] if ":" in solver else "solver",
-        "cloth": cloth,
-        "seed": seed,
-        "space": "homo",
-        "vertices": 2699,
-        "dataset": "cusick",
-        "dataset_hash": "abc",
-        "protocol": "paper",
-        "code_version": "1",
-        "settings": {"loss": "mse", "drape": {"steps": 100}},
-    }
-    record |= {key: value for key, value in changes.items() if key in (*record, "status", "failure")}
-    metrics |= {key: value for key, value in changes.items() if key not in (*record, "status", "failure", "done")}
-    (cell / "cell.json").write_text(json.dumps(record))
-    spent = {"forward_equivalents": 240, "wall_seconds": 61.5}
-    (cell / "result.json").write_text(json.dumps({"status": "done"} | record | {"spent": spent, "metrics": metrics}))
-    if changes.get("done", True) and record.get("status") != "failed":
-        (cell / "done").touch()
-    return cell
-
-
-def write_solver(folder: Path, solver: str, value: Callable[[str, int], float], seeds: int = 4, **changes) -> None:
-    for cloth in CLOTHS:
-        for seed in range(seeds):
-            write_cell(folder, solver, cloth, seed, test_mse=value(cloth, seed), **changes)
+from tests.support.made_up_cells import CLOTHS, DIFFICULTY, only, ranks, write_cell, write_solver
 
 
 @pytest.fixture
 def noise() -> np.random.Generator:
     return np.random.default_rng(0)
-
-
-def only(folder: Path, **options):
-    (board,) = leaderboards(load_cells(folder), **options)
-    return board
-
-
-def ranks(board) -> dict[str, int | None]:
-    return {row.label: row.rank for row in board.rows}
-
-
-# -- statistics
-
-
-def test_interquartile_mean_drops_the_outer_quarters():
-    assert interquartile_mean(np.array([0.0, 1, 2, 3, 4, 5, 6, 1000])) == pytest.approx(3.5)
-    assert interquartile_mean(np.array([1.0, 2, 6])) == pytest.approx(3)
-
-
-def test_stratified_interval_holds_the_true_mean_as_often_as_it_says():
-    """Cloths differ tenfold in level, seeds by 0.01: only seeds are resampled, so the interval is narrow, and right."""
-    truth, hits, widths = 0.55, 0, []
-    for trial in range(100):
-        generator = np.random.default_rng(trial)
-        values = {(c, s): level + generator.normal(0, 0.01) for c, level in (("a", 0.1), ("b", 1.0)) for s in range(20)}
-        interval = estimate(values, mean, generator)
-        hits += interval.low <= truth <= interval.high
-        widths.append(interval.high - interval.low)
-    assert 88 <= hits <= 100
-    assert np.mean(widths) == pytest.approx(2 * 1.96 * 0.01 / np.sqrt(40), rel=0.1)
-
-
-@pytest.mark.parametrize(("cloths", "seeds"), [(3, 1), (5, 1), (12, 1), (3, 3)])
-def test_intervals_of_few_units_hold_the_true_mean_as_often_as_they_say(cloths, seeds):
-    """Normal values; percentile intervals would hold it in 75, 84, 91 and 83 % of cases."""
-    generator, hits, trials = np.random.default_rng(cloths + seeds), 0, 400
-    for _ in range(trials):
-        drawn = generator.normal(0, 1, (cloths, seeds))
-        interval = estimate({(str(c), s): drawn[c, s] for c, s in np.ndindex(cloths, seeds)}, mean, generator)
-        hits += interval.low <= 0 <= interval.high
-    assert hits / trials == pytest.approx(0.95, abs=0.03)
-
-
-def test_a_mean_of_values_that_are_never_negative_is_not_negative(noise):
-    errors = {("blue", 0): 0.001, ("red", 0): 0.001, ("white", 0): 0.1}
-    assert estimate(errors, mean, noise).low == 0
-    assert difference(errors, {cell: 0.0 for cell in errors}, mean, noise).low < 0
-
-
-def test_the_interval_of_a_geometric_mean_knows_no_unit_and_no_direction():
-    """Stretch stiffnesses in N/m and kN/m, and ratios to the one run or to the other."""
-
-    def interval(numbers) -> np.ndarray:
-        logarithms = {(str(place), 0): float(np.log(number)) for place, number in enumerate(numbers)}
-        found = geometric_mean(logarithms, np.random.default_rng(0))
-        return np.array([found.low, found.value, found.high])
-
-    numbers = np.array([1.5, 20.0, 100.0])
-    low, value, high = interval(numbers)
-    assert value == pytest.approx(3000 ** (1 / 3))
-    assert low < 1 < value < high
-    assert 1000 * interval(numbers / 1000) == pytest.approx(np.array([low, value, high]))
-    assert interval(1 / numbers)[1] == pytest.approx(1 / value)
-    assert interval(1 / numbers)[2] > 1
-
-
-def test_cloths_are_resampled_where_seeds_change_nothing(noise):
-    single = {(cloth, 0): level for cloth, level in DIFFICULTY.items()}
-    repeated = {(cloth, seed): level for cloth, level in DIFFICULTY.items() for seed in range(3)}
-    for values in (single, repeated):
-        interval = estimate(values, mean, np.random.default_rng(1))
-        spread = np.std(list(DIFFICULTY.values()), ddof=1) / np.sqrt(5)
-        assert interval.value == pytest.approx(0.05)
-        assert interval.high - interval.low == pytest.approx(2 * 2.776 * spread, rel=0.1)  # Student's t of 4 degrees
-
-
-def test_pairing_cancels_what_a_cloth_does_to_both(noise):
-    first = {(cloth, 0): level + 0.002 + noise.normal(0, 1e-4) for cloth, level in DIFFICULTY.items()}
-    second = {(cloth, 0): level for cloth, level in DIFFICULTY.items()}
-    paired = difference(first, second, mean, noise)
-    assert paired.value == pytest.approx(0.002, abs=2e-4)
-    assert paired.high - paired.low < 5e-4 < estimate(first, mean, noise).high - estimate(first, mean, noise).low
-    assert paired.decided
-
-
-def test_difference_uses_shared_cells_and_stretches_a_single_seed(noise):
-    first = {("blue", 0): 1.0, ("blue", 1): 3.0, ("red", 0): 9.0, ("white", 5): 1.0}
-    second = {("blue", 0): 1.0, ("white", 5): 0.0, ("pink", 0): 7.0}
-    assert difference(first, second, mean, noise).value == pytest.approx((1 + 1) / 2)
-
-
-def test_too_few_cells_have_no_interval_and_decide_nothing(noise):
-    lonely = estimate({("blue", 0): 0.1}, mean, noise)
-    assert lonely.value == 0.1
-    assert np.isnan(lonely.low)
-    assert not lonely.decided
-
-
-# -- ranks
 
 
 def test_ties_are_grouped_and_real_differences_are_not(tmp_path, noise):
@@ -340,12 +191,6 @@ def test_seeds_of_a_left_out_sample_are_no_samples_of_their_own(tmp_path):
     assert (intervals[1].low, intervals[1].high) == pytest.approx((intervals[0].low, intervals[0].high))
 
 
-def test_one_seed_of_a_left_out_sample_stands_for_all_seeds_of_it(noise):
-    first = {("red", split * SEEDS): 1.0 + split for split in range(3)}
-    second = {("red", split * SEEDS + seed): 1.0 for split in range(3) for seed in range(4)}
-    assert difference(first, second, mean, noise).value == pytest.approx(1.0)
-
-
 def test_the_same_seed_gives_the_same_board(tmp_path, noise):
     write_solver(tmp_path, "homo", lambda cloth, seed: noise.normal(0.05, 0.01))
     assert csv([only(tmp_path, seed=3)]) == csv([only(tmp_path, seed=3)])
@@ -369,15 +214,6 @@ def test_best_of_n_stands_beside_as_many_random_phase_draws(tmp_path):
     assert rows["null:random-phase"].matched_null == pytest.approx(0.035)
     assert np.isnan(rows["homo"].matched_null)
     assert "| .0380 /100 | .0395 |" in markdown(only(tmp_path))
-
-
-def test_values_beside_a_solver_whose_seeds_change_nothing_count_by_cloth_as_its_own_do():
-    """Cloths of 2, 5 and 3 seeds: the others differ from the solver's by .001 at most, and so do the means."""
-    own = {(cloth, seed): value for cloth, value, seeds in (("a", 1.0, 2), ("b", 2.0, 5), ("c", 3.0, 3))
-           for seed in range(seeds)}  # fmt: skip
-    others = {(cloth, seed): value + 1e-3 * (seed % 2) for (cloth, seed), value in own.items()}
-    assert estimate(own, mean, np.random.default_rng(0)).value == pytest.approx(2.0)
-    assert beside(own, others, mean) == pytest.approx(2.0, abs=1e-3)
 
 
 def test_random_phases_count_as_the_cells_beside_them_do(tmp_path):
@@ -409,46 +245,6 @@ def test_data_sets_are_never_mixed(tmp_path):
     write_cell(tmp_path, "homo", "blue", 0)
     write_cell(tmp_path, "homo", "fabric_9", 0, dataset="lab", dataset_hash="def")
     assert [board.dataset for board in leaderboards(load_cells(tmp_path))] == ["cusick", "lab"]
-
-
-# -- damaged folders
-
-
-def test_failed_unfinished_and_damaged_cells_are_named_and_not_fatal(tmp_path):
-    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05)
-    write_cell(tmp_path, "heter", "blue", status="failed", failure="DrapeDiverged: residual 0.3")
-    write_cell(tmp_path, "heter", "red", done=False)
-    (tmp_path / "cells" / "empty").mkdir()
-    (write_cell(tmp_path, "heter", "pink") / "result.json").write_text('{"solver": "heter", "ki')
-    (write_cell(tmp_path, "heter", "white") / "result.json").write_text("[1, 2]")
-    write_cell(tmp_path, "heter", "viscose", train_mse="good")
-    cells = load_cells(tmp_path)
-    assert sorted(cell.status for cell in cells.skipped) == ["damaged"] * 3 + ["failed"] + ["unfinished"] * 2
-    assert set(cells.table["solver"]) == {"homo"}
-    notes = " ".join(only(tmp_path).notes)
-    assert "residual 0.3" in notes
-    assert "heter on pink" in notes
-
-
-def test_a_cell_that_was_edited_is_left_out_with_a_note(tmp_path):
-    kept, edited = (write_cell(tmp_path, "homo", cloth) for cloth in ("blue", "red"))
-    for cell in (kept, edited):
-        Store(tmp_path).mark_done(cell.name)
-    text = (edited / "result.json").read_text()
-    (edited / "result.json").write_text(text.replace('"test_mse": 0.05,', '"test_mse": 0.01,'))
-    assert load_cells(tmp_path).table["cloth"].tolist() == ["blue"]
-    (note,) = [note for note in only(tmp_path).notes if note.startswith("Left out")]
-    assert "damaged: homo on red, seed 0" in note
-    assert "result.json is not what the cell was finished with; repeat the run command, which runs the cell" in note
-    assert load_cells(tmp_path, changed=True).table["cloth"].tolist() == ["blue", "red"]  # for `verify`
-    with pytest.raises(LeaderboardError, match="is not what the cell was finished with"):
-        load_cells(tmp_path).require_sound()
-
-
-def test_failed_cells_of_a_row_are_counted(tmp_path):
-    write_cell(tmp_path, "homo", "blue")
-    write_cell(tmp_path, "homo", "red", status="failed", failure="diverged")
-    assert "| 1+1✗ |" in markdown(only(tmp_path))
 
 
 def test_one_method_in_several_spellings_is_one_row(tmp_path):
@@ -496,149 +292,9 @@ def test_cells_of_two_splits_stand_apart(tmp_path):
     assert append(tmp_path / "own.csv", lines)["added"] == 2
 
 
-@pytest.mark.parametrize("make", [lambda f: None, lambda f: f.mkdir(), lambda f: (f / "cells").mkdir(parents=True)])
-def test_a_missing_or_empty_folder_gets_one_clear_error(tmp_path, make):
-    make(tmp_path / "runs")
-    with pytest.raises(LeaderboardError, match="cusick-bench run"):
-        load_cells(tmp_path / "runs")
-
-
-def test_a_folder_without_finished_cells_says_why(tmp_path):
-    write_cell(tmp_path, "homo", "blue", status="failed", failure="no density")
-    with pytest.raises(LeaderboardError, match="no density"):
-        load_cells(tmp_path)
-
-
 def test_unknown_metric_or_statistic_is_refused(tmp_path):
     write_cell(tmp_path, "homo", "blue")
     with pytest.raises(LeaderboardError, match="test_mse"):
         only(tmp_path, by="beauty")
     with pytest.raises(LeaderboardError, match="iqm"):
         only(tmp_path, statistic="mode")
-
-
-# -- forms
-
-
-def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
-    write_solver(tmp_path, "homo", lambda cloth, seed: noise.normal(0.05, 0.01), draws=1000)
-    write_solver(tmp_path, "null:random-phase,draws=1000", lambda cloth, seed: 0.06, 1, draws=1000)
-    text = text_table(only(tmp_path))
-    assert text.within(120).columns == text.columns
-    narrow = text.within(70)
-    assert {"solver", "train", "test", "H", "DC err"} <= {column.head for column in narrow.columns}
-    assert len(narrow.columns) < len(text.columns)
-
-
-def test_scores_of_distributions_have_columns_where_rows_have_them(tmp_path):
-    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05)
-    assert not {"energy", "CRPS", "cover"} & {column.head for column in text_table(only(tmp_path)).columns}
-    scores = {"test_energy_distance": 0.9123, "test_dc_crps": 0.0234, "test_dc_cover_90": 0.8}
-    write_solver(tmp_path, "bdp", lambda cloth, seed: 0.06, draws=100, **scores)
-    write_solver(tmp_path, "null:disc", lambda cloth, seed: 0.07, **(scores | {"test_dc_cover_90": 0.0}))
-    lines = {line.split("|")[2].strip(): line for line in markdown(only(tmp_path)).splitlines() if "|" in line}
-    assert "| energy dist. | CRPS points | cover 90 % |" in lines["solver"]
-    assert "| .91 | 2.3 | 80 |" in lines["bdp"]
-    assert "| .91 | 2.3 |  |" in lines["null:disc"], "one draw has no interval"
-    assert "|  |  |  |" in lines["homo"]
-
-
-def test_forms_escape_what_a_name_may_hold(tmp_path):
-    write_cell(tmp_path, "<b>&|_[red]", "blue")
-    board = only(tmp_path)
-    assert "&lt;b&gt;&amp;" in html_table(board)
-    assert "<b>" not in html_table(board) + markdown(board)
-    assert r"\|_" in markdown(board)
-    assert r"\&" in latex(board)
-
-
-def test_no_name_runs_in_a_spreadsheet_or_in_tex(tmp_path):
-    run = {"command": ["run", "a\n\\input{/etc/passwd}"]}
-    (tmp_path / "run.json").write_text(json.dumps(run))
-    write_cell(tmp_path, "=1+1", "@blue")
-    board = only(tmp_path)
-    rows = [line for line in csv([board]).splitlines()[1:] if "1+1" in line]
-    assert rows
-    assert not [cell for line in rows for cell in line.split(",") if cell.startswith(("=", "@"))]
-    outside = [line for line in latex(board).splitlines() if not line.startswith("%")]
-    assert not [line for line in outside if "input{" in line]
-
-
-def test_command_prints_json_and_writes_files(tmp_path, noise):
-    write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
-    command = ["/opt/bin/cusick-bench", "run", "--cloth", "blue twill", "--solver", "bdp,draws=5"]
-    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": command, "cores": 2}))
-    files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
-    arguments = [str(tmp_path / "runs"), "--json"]
-    outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])
-    assert outcome.exit_code == 0, outcome.output
-    rows = json.loads(outcome.stdout)["rows"]
-    assert rows[1]["solver"] == "homo"
-    assert rows[1]["test_mse"] == pytest.approx(0.05, abs=1e-3)
-    assert rows[1]["command"] == "cusick-bench run --cloth 'blue twill' --solver bdp,draws=5"  # can be typed again
-    assert rows[1]["dataset_hash"] == "abc"
-    assert all("homo" in file.read_text() for file in files)
-    plain = CliRunner().invoke(app, [str(tmp_path / "runs")])
-    assert "61.5" in plain.stdout
-    assert "homo" in plain.stdout
-
-
-def test_command_refuses_with_status_2(tmp_path):
-    assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
-    write_cell(tmp_path, "homo", "blue")
-    assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2
-
-
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"test_mse": -1e9}, "test_mse must lie in [0, 1], got -1e+09"),
-        ({"test_mse": 1.5}, "test_mse must lie in [0, 1], got 1.5"),
-        ({"train_mse": None}, "no finite train_mse"),
-        ({"test_mse": "0.01x"}, "test_mse must be a number"),
-        ({"test_mse": True}, "test_mse must be a number"),
-        ({"test_mse": float("nan")}, "NaN"),
-        ({"test_mse": float("inf")}, "Infinity"),
-        ({"test_hausdorff_m": -0.01}, "test_hausdorff_m must lie in [0, 10], got -0.01"),
-        ({"train_dc": 3.0}, "train_dc must lie in [-0.1, 1.1], got 3"),
-        ({"test_iou": 1.01}, "test_iou must lie in [0, 1]"),
-        ({"seed": -1}, "seed must be a whole number"),
-    ],
-)
-def test_a_cell_that_says_what_no_cell_can_say_is_no_row(tmp_path, noise, changes, reason):
-    write_solver(tmp_path, "homo", lambda cloth, seed: DIFFICULTY[cloth])
-    seed = changes.pop("seed", 9)
-    folder = write_cell(tmp_path, "liar", "blue", seed, **changes)
-    result = CliRunner().invoke(app, [str(tmp_path), "--json"])
-    assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
-    assert {row["solver"] for row in document["rows"]} == {"homo", "repeat of the same drape"}
-    (skipped,) = document["skipped"]
-    assert (skipped["path"], skipped["status"]) == (str(folder), "damaged")
-    assert reason in skipped["reason"]
-
-
-def test_a_fair_score_below_zero_is_one(tmp_path):
-    """The variance of the draws' mean is taken off: of two draws and a sample between them more than there is."""
-    angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
-    shallow, middle, deep = (0.12 + depth * np.cos(6 * angle)[None] for depth in (1e-3, 8e-3, 2e-2))
-    score = variogram_score(np.concatenate([shallow, deep]), middle)
-    assert score < -1e-3
-    write_cell(tmp_path, "bdp", "blue", test_variogram_score=score)
-    cells = load_cells(tmp_path)
-    assert cells.table["test_variogram_score"].tolist() == [score]
-    cells.require_sound()
-
-
-@pytest.mark.parametrize("name", [None, "", "null", "None", "nan", 7, ["homo"]])
-@pytest.mark.parametrize("field", ["solver", "cloth"])
-def test_a_cell_without_a_name_is_no_row(tmp_path, name, field):
-    write_solver(tmp_path, "null:disc", lambda cloth, seed: DIFFICULTY[cloth])
-    folder = write_cell(tmp_path, "homo", "blue")
-    result = json.loads((folder / "result.json").read_text())
-    (folder / "result.json").write_text(json.dumps(result | {field: name}))
-    cells = load_cells(tmp_path)
-    assert set(cells.table["solver"]) == {"null:disc"}
-    assert f"{field} must be a name" in cells.skipped[0].reason
-    with pytest.raises(LeaderboardError, match=rf"result\.json: {field} must be a name"):
-        cells.require_sound()

@@ -1,0 +1,95 @@
+"""Leaderboards as text, Markdown, HTML, LaTeX, CSV and JSON, and the command."""
+
+import json
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cusick_bench.cli.results.leaderboard import leaderboard
+from cusick_bench.leaderboard import (
+    csv,
+    html_table,
+    latex,
+    markdown,
+    text_table,
+)
+from tests.support.made_up_cells import only, write_cell, write_solver
+
+app = typer.Typer()
+app.command()(leaderboard)
+
+
+@pytest.fixture
+def noise() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
+    write_solver(tmp_path, "homo", lambda cloth, seed: noise.normal(0.05, 0.01), draws=1000)
+    write_solver(tmp_path, "null:random-phase,draws=1000", lambda cloth, seed: 0.06, 1, draws=1000)
+    text = text_table(only(tmp_path))
+    assert text.within(120).columns == text.columns
+    narrow = text.within(70)
+    assert {"solver", "train", "test", "H", "DC err"} <= {column.head for column in narrow.columns}
+    assert len(narrow.columns) < len(text.columns)
+
+
+def test_scores_of_distributions_have_columns_where_rows_have_them(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05)
+    assert not {"energy", "CRPS", "cover"} & {column.head for column in text_table(only(tmp_path)).columns}
+    scores = {"test_energy_distance": 0.9123, "test_dc_crps": 0.0234, "test_dc_cover_90": 0.8}
+    write_solver(tmp_path, "bdp", lambda cloth, seed: 0.06, draws=100, **scores)
+    write_solver(tmp_path, "null:disc", lambda cloth, seed: 0.07, **(scores | {"test_dc_cover_90": 0.0}))
+    lines = {line.split("|")[2].strip(): line for line in markdown(only(tmp_path)).splitlines() if "|" in line}
+    assert "| energy dist. | CRPS points | cover 90 % |" in lines["solver"]
+    assert "| .91 | 2.3 | 80 |" in lines["bdp"]
+    assert "| .91 | 2.3 |  |" in lines["null:disc"], "one draw has no interval"
+    assert "|  |  |  |" in lines["homo"]
+
+
+def test_forms_escape_what_a_name_may_hold(tmp_path):
+    write_cell(tmp_path, "<b>&|_[red]", "blue")
+    board = only(tmp_path)
+    assert "&lt;b&gt;&amp;" in html_table(board)
+    assert "<b>" not in html_table(board) + markdown(board)
+    assert r"\|_" in markdown(board)
+    assert r"\&" in latex(board)
+
+
+def test_no_name_runs_in_a_spreadsheet_or_in_tex(tmp_path):
+    run = {"command": ["run", "a\n\\input{/etc/passwd}"]}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    write_cell(tmp_path, "=1+1", "@blue")
+    board = only(tmp_path)
+    rows = [line for line in csv([board]).splitlines()[1:] if "1+1" in line]
+    assert rows
+    assert not [cell for line in rows for cell in line.split(",") if cell.startswith(("=", "@"))]
+    outside = [line for line in latex(board).splitlines() if not line.startswith("%")]
+    assert not [line for line in outside if "input{" in line]
+
+
+def test_command_prints_json_and_writes_files(tmp_path, noise):
+    write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
+    command = ["/opt/bin/cusick-bench", "run", "--cloth", "blue twill", "--solver", "bdp,draws=5"]
+    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": command, "cores": 2}))
+    files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
+    arguments = [str(tmp_path / "runs"), "--json"]
+    outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])
+    assert outcome.exit_code == 0, outcome.output
+    rows = json.loads(outcome.stdout)["rows"]
+    assert rows[1]["solver"] == "homo"
+    assert rows[1]["test_mse"] == pytest.approx(0.05, abs=1e-3)
+    assert rows[1]["command"] == "cusick-bench run --cloth 'blue twill' --solver bdp,draws=5"  # can be typed again
+    assert rows[1]["dataset_hash"] == "abc"
+    assert all("homo" in file.read_text() for file in files)
+    plain = CliRunner().invoke(app, [str(tmp_path / "runs")])
+    assert "61.5" in plain.stdout
+    assert "homo" in plain.stdout
+
+
+def test_command_refuses_with_status_2(tmp_path):
+    assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
+    write_cell(tmp_path, "homo", "blue")
+    assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2
