@@ -21,12 +21,7 @@ FABRIC = "data/Fabric 7"
 
 
 @pytest.fixture
-def _own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
-@pytest.fixture
-def lab(tmp_path, _own_cache) -> Path:
+def lab(tmp_path) -> Path:
     root = write_toy(tmp_path)
     (root / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.0004\n")
     return root
@@ -255,7 +250,6 @@ def test_a_scale_that_is_too_large_is_told_by_the_plate(lab):
     assert "the scale may be too large" in fault.detail
 
 
-@pytest.mark.usefixtures("_own_cache")
 def test_series_named_in_two_ways(tmp_path):
     home = tmp_path / "data" / "Fabric 1 Observations"
     for folder, image_word, numbers in (
@@ -280,7 +274,6 @@ def test_series_named_in_two_ways(tmp_path):
     assert found(tmp_path, "side-unknown") == []
 
 
-@pytest.mark.usefixtures("_own_cache")
 def test_a_capture_that_every_sample_has_is_not_called_unusual(tmp_path):
     """Their faces are what is not known; every sample was said to have captures beyond the usual ones."""
     root = write_toy(tmp_path, fabrics=(7,))
@@ -295,7 +288,6 @@ def test_a_capture_that_every_sample_has_is_not_called_unusual(tmp_path):
     }
 
 
-@pytest.mark.usefixtures("_own_cache")
 def test_fabric_without_capture_numbers(tmp_path):
     for sample in (1, 2):
         write_image(
@@ -309,7 +301,6 @@ def test_fabric_without_capture_numbers(tmp_path):
     assert list(index["side"]) == ["", ""]
 
 
-@pytest.mark.usefixtures("_own_cache")
 def test_named_sets(tmp_path):
     root = write_toy(tmp_path, fabrics=(2,))
     named = root / "bnn_image_gt" / "cotton_blue"

@@ -25,11 +25,6 @@ from cusick_bench.datasets.profile import Profile
 DRAPE = draw(wavy_profile(7))
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
 class Exploit:
     """Unpickling this would leave a trace."""
 

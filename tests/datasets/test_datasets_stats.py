@@ -16,11 +16,6 @@ from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
 from cusick_bench.datasets.stats import Difference, Trend, statistics
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
 @pytest.fixture
 def toy(tmp_path) -> Path:
     return write_toy(tmp_path / "lab", fabrics=(7, 8), meshes=False)

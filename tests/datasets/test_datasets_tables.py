@@ -22,16 +22,6 @@ from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.registry import REGISTRY
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
-@pytest.fixture
-def toy(tmp_path) -> Path:
-    return write_toy(tmp_path / "lab")
-
-
 @pytest.mark.parametrize("key", ["7", "7.0", "Fabric 7", "fabric_7", "Fabric 07", "fabric-007"])
 def test_densities_come_from_the_users_table(toy, key):
     (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2,thickness_m,maker\n{key},0.21,0.0004,Mill\n")

@@ -22,11 +22,6 @@ OTHER = f"{FABRIC}/silhouettes/Fabric_7_Sample_2_Capture_1.png"
 DRAPE = wavy_profile(8)
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
 @pytest.fixture
 def lab(tmp_path) -> Path:
     root = write_toy(tmp_path / "lab", captures=1, meshes=False)

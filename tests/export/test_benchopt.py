@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any, ClassVar
 
 import pytest
+from other_package import REPLIES, install
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -21,7 +22,6 @@ from cusick_bench.export.drape_task import FEWEST_DRAPES
 from cusick_bench.export.errors import ExportError
 from cusick_bench.runner import ProblemSettings, Source, load_once, plan, run
 from cusick_bench.sim.engine.settings import DrapeSettings
-from tests.support.other_package import REPLIES, install
 
 TOY = ProblemSettings(vertices=97, drape=DrapeSettings(law="plate", steps=3))
 

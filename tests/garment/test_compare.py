@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from html_page import Page
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -15,7 +16,6 @@ from cusick_bench.garment.side_by_side import save_side_by_side
 from cusick_bench.garment.skirt import SkirtSize
 from cusick_bench.garment.wearing import Wearing, wear
 from cusick_bench.runner import Store
-from tests.support.html_page import Page
 
 STILL = ["--vertices", "170", "--length", "0.3", "--draws", "2", "--hip", "0", "--static"]
 SMALL = [*STILL[:-1], "--duration", "0.4"]

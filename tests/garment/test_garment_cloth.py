@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from worn_skirts import SIZE, learned_posterior, skirt_cell, skirt_cloth
 
 from cusick_bench.garment import GarmentError, circular_skirt, cloth_of_cell
 from cusick_bench.problem import FieldSpace, StiffnessPrior
 from cusick_bench.problem.cloth_prior import CLOTH, TRAITS, trait_entry
 from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.sim.cloth.mesh import disc_mesh
-from tests.support.worn_skirts import SIZE, learned_posterior, skirt_cell, skirt_cloth
 
 
 def test_draws_scatter_every_entry_of_every_element_about_the_median():

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
+from worn_skirts import learned_posterior, skirt_cell
 
 from cusick_bench.cli import app
 from cusick_bench.garment.output import write_rest
 from cusick_bench.garment.skirt import SkirtSize, circular_skirt
 from cusick_bench.sim.cloth.obj import read_obj
-from tests.support.worn_skirts import learned_posterior, skirt_cell
 
 NUMBERS = ["--density", "0.2", "--bending", "1e-5"]
 SMALL = ["--vertices", "160", "--length", "0.3", "--hip", "0.13"]

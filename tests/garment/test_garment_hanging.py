@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy import ndarray
+from worn_skirts import SIZE, fitted_skirts, laid_skirts, skirt_cloth
 
 from cusick_bench.garment import STILL, Body, SkirtSize, WaistMotion, a_line_skirt, circular_skirt, hang, walk
 from cusick_bench.garment.fitting import State
 from cusick_bench.garment.measurement import measure
 from cusick_bench.sim.engine.dynamics.drop import drop
-from tests.support.worn_skirts import SIZE, fitted_skirts, laid_skirts, skirt_cloth
 
 
 @pytest.mark.parametrize("draws", [1, 2])

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from worn_skirts import SIZE
 
 from cusick_bench.garment import circular_skirt, spread
 from cusick_bench.garment.measurement import measure
-from tests.support.worn_skirts import SIZE
 
 
 def test_a_flat_skirt_has_a_drape_coefficient_of_one_and_no_folds():

@@ -5,6 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from numpy import ndarray
+from worn_skirts import SIZE
 
 from cusick_bench.garment import GarmentError, a_line_skirt, circular_skirt
 from cusick_bench.garment.skirt import SkirtSize
@@ -13,7 +14,6 @@ from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.triangles.elements import elements_of
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
-from tests.support.worn_skirts import SIZE
 
 
 def _halves_apart(mesh: Mesh, turn: bool) -> tuple[Mesh, ndarray]:

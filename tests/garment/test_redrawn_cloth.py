@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from other_package import REPLIES, install
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.garment import GarmentError, cloth_of_cell
 from cusick_bench.problem import StiffnessPrior
-from tests.support.other_package import REPLIES, install
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_up_cells import DIFFICULTY
 
 from cusick_bench.leaderboard import (
     difference,
@@ -10,7 +11,6 @@ from cusick_bench.leaderboard import (
 )
 from cusick_bench.leaderboard.bootstrap import beside, geometric_mean, mean
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
-from tests.support.made_up_cells import DIFFICULTY
 
 
 @pytest.fixture

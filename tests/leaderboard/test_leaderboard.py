@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_cells import CLOTHS, DIFFICULTY, only, ranks, write_cell, write_solver
 
 from cusick_bench.leaderboard import (
     LeaderboardError,
@@ -17,7 +18,6 @@ from cusick_bench.leaderboard import (
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
 from cusick_bench.leaderboard.verification.submit import append, rows_of
-from tests.support.made_up_cells import CLOTHS, DIFFICULTY, only, ranks, write_cell, write_solver
 
 
 @pytest.fixture

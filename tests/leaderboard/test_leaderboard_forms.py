@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import typer
+from made_up_cells import only, write_cell, write_solver
 from typer.testing import CliRunner
 
 from cusick_bench.cli.results.leaderboard import leaderboard
@@ -15,7 +16,6 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
-from tests.support.made_up_cells import only, write_cell, write_solver
 
 app = typer.Typer()
 app.command()(leaderboard)

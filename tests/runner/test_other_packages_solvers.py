@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from other_package import REPLIES, install
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.registry import make_solver, registered
-from tests.support.other_package import REPLIES, install
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -8,10 +8,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from PIL import Image
 
-from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile
+from cusick_bench.datasets.dataset import DrapeSample
+from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_mesh
 from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
 
 CAPTURES: Mapping[int, str] = {1: "up", 2: "up", 3: "down", 4: "down"}
+PIXEL = 1 / PIXELS_PER_METRE  # [m]
 _MESH_ANGLES = 180
 _REPEAT = 2e-4  # [m], by which captures of one drape differ
 
@@ -99,3 +101,26 @@ def write_toy(
                 if meshes:
                     write_mesh(folder / "meshes" / f"{name}.obj", *surface(profile))
     return root
+
+
+def mesh_path(root: Path, sample: int, capture: int, fabric: int = 7) -> Path:
+    return root / f"data/Fabric {fabric}/meshes/Fabric_{fabric}_Sample_{sample}_Capture_{capture}.obj"
+
+
+def image_path(root: Path, sample: int, capture: int, fabric: int = 7) -> Path:
+    return root / f"data/Fabric {fabric}/silhouettes/Fabric_{fabric}_Sample_{sample}_Capture_{capture}.png"
+
+
+def write_turned(path: Path, profile: Profile, quarter_turns: int) -> None:
+    """Writes a cloth that was turned about the plate's axis after its mesh had been paired."""
+    vertices, faces = surface(profile)
+    for _ in range(quarter_turns % 4):
+        vertices = vertices @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])
+    write_mesh(path, vertices, faces)
+
+
+def misfit_px(sample: DrapeSample) -> float:
+    """Pixels between a sample's mesh and its image."""
+    assert sample.mesh is not None
+    outline = profile_from_mesh(np.asarray(sample.mesh.vertices), np.asarray(sample.mesh.faces))
+    return outline.rms(sample.profile) / PIXEL

@@ -1,0 +1,154 @@
+"""Layouts of folders that are read, and where tables are looked for."""
+
+import gzip
+import shutil
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from toy_cloths import (
+    draw,
+    image_path,
+    surface,
+    toy_profile,
+    write_image,
+    write_mesh,
+    write_toy,
+)
+
+from cusick_bench.datasets import load
+from cusick_bench.datasets.audit.audit import audit
+
+
+@pytest.mark.parametrize("root", [".", "data", "data/Fabric 7"])
+def test_any_level_of_the_layout_is_a_root(toy, root):
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    dataset = load(toy / root)
+    assert len(dataset) == 12
+    assert dataset.require_density(0) == 0.2
+    assert (dataset.index["mesh"] != "").all()
+    assert dataset.sample(0).mesh is not None
+
+
+@pytest.mark.parametrize(
+    ("root", "silhouettes", "fabric"),
+    [
+        ("Sample 3/lab", "data/Fabric 7/silhouettes", 7),
+        ("Sample 3", "data/Fabric 7/silhouettes", 7),
+        ("Fabric 9/lab", "silhouettes", 7),
+        ("Sample 3/Fabric 9", "silhouettes", 9),
+    ],
+)
+def test_folders_above_the_data_rename_nothing(toy, root, silhouettes, fabric):
+    """All samples became sample 3, or the fabric another one, without a word."""
+    lab = toy.parent / "elsewhere" / root
+    shutil.copytree(toy / "data/Fabric 7/silhouettes", lab / silhouettes)
+    index = load(lab).index
+    assert set(index["fabric"]) == {fabric}
+    assert sorted(set(index["sample"])) == [1, 2, 3]
+
+
+def test_folders_of_a_root_within_the_data_still_decide(toy):
+    """Their names decide, as they do where the whole data set is the root, not those in the files' names."""
+    fabric, sample = toy / "data/Fabric 8", toy / "data/Fabric 8 Observations/Sample 5"
+    named = toy / "bnn_image_gt/cotton_blue"
+    shutil.copytree(toy / "data/Fabric 7/silhouettes", fabric / "silhouettes")
+    write_image(sample / "Fabric_7_Sample_1_Obs_2.png", draw(toy_profile(8, 5, 1)))
+    write_image(named / "sample_1_Upward_Drape_1.png", draw(toy_profile(8, 1, 1)))
+    assert set(load(fabric).cloths) == set(load(fabric / "silhouettes").cloths) == {"fabric_8"}
+    assert load(sample).index[["cloth", "sample"]].values.tolist() == [["fabric_8_observations", 5]]
+    assert load(named).cloths == load(named.parent).cloths == ["cotton_blue"]
+
+
+@pytest.mark.parametrize("row", ["Raw Silk-2", "raw_silk_2"])
+def test_a_named_set_finds_its_weight_however_its_name_is_written(toy, row):
+    """Rows have one spelling, and sets that of their folder: a space or a hyphen kept the two apart."""
+    folder = toy / "bnn_image_gt" / "Raw Silk-2"
+    folder.mkdir(parents=True)
+    write_image(folder / "sample_1_Upward_Drape_1.png", draw(toy_profile(8, 1, 1)))
+    (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2\n{row},0.3\n")
+    dataset = load(toy).select(cloth="raw silk-2")
+    assert dataset.require_density(0) == 0.3
+    assert not [one for one in audit(toy).irregularities if one.kind == "fabrics-unused"]
+
+
+def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):
+    """They would be read by the release's scale and sizes, and give other numbers."""
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    (toy / "protocol.json").write_text('{"cloth_radius_m": 0.14}')
+    dataset = load(toy / "data/Fabric 7/silhouettes")
+    assert len(dataset) == 12
+    assert dataset.require_density(0) == 0.2
+    assert dataset.protocol.cloth_radius_m == 0.14
+
+
+def test_tables_may_begin_with_a_capital(toy):
+    """They were taken for side files, and the release's scale for that of the pictures, without a word."""
+    (toy / "Fabrics.CSV").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    (toy / "Protocol.json").write_text('{"cloth_radius_m": 0.14}')
+    for root in (toy, toy / "data/Fabric 7"):
+        dataset = load(root)
+        assert dataset.require_density(0) == 0.2
+        assert dataset.protocol.cloth_radius_m == 0.14
+    (toy / "protocol.json").write_text('{"cloth_radius_m": 0.145}')
+    assert load(toy).protocol.cloth_radius_m == 0.145  # that name first, where both can be
+
+
+def test_samples_may_be_numbered_by_their_date(toy):
+    for path in image_path(toy, 1, 1).parent.iterdir():
+        path.rename(path.with_name(path.name.replace("Sample_", "Sample_2026112")))
+    assert sorted(set(load(toy).index["sample"])) == [20261121, 20261122, 20261123]
+
+
+@pytest.mark.parametrize("change", ["no-meshes", "fabric-at-root", "misspelt", "flat", "gz", "underscores"])
+def test_variants_of_the_layout(toy, change):
+    fabric = toy / "data" / "Fabric 7"
+    root = toy
+    if change == "no-meshes":
+        shutil.rmtree(fabric / "meshes")
+    elif change == "fabric-at-root":
+        fabric.rename(toy / "Fabric 7")
+    elif change == "misspelt":
+        (fabric / "silhouettes").rename(fabric / "silouettes")
+    elif change == "flat":
+        root = toy / "data" / "case"
+        fabric.rename(root)  # the fabric's number is only in the file names
+    elif change == "gz":
+        for path in (fabric / "meshes").iterdir():
+            Path(f"{path}.gz").write_bytes(gzip.compress(path.read_bytes()))
+            path.unlink()
+    else:
+        fabric.rename(toy / "data" / "Fabric_7")
+    dataset = load(root)
+    assert len(dataset) == 12
+    assert dataset.cloths == ["fabric_7"]
+    assert (dataset.index["mesh"] != "").all() == (change != "no-meshes")
+    assert (dataset.sample(0).mesh is None) == (change == "no-meshes")
+
+
+def test_a_drape_that_is_stored_in_two_formats_counts_once(toy):
+    path = image_path(toy, 1, 1)
+    Image.open(path).save(path.with_suffix(".bmp"))
+    index = load(toy).index
+    assert len(index) == 12
+    assert index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.bmp")
+    assert index.loc[0, "notes"] == f"also stored as {path.relative_to(toy)}; left out"
+    assert index.loc[0, "mesh"] != ""
+    assert (index["notes"][1:] == "").all()
+    path.with_suffix(".bmp").write_bytes(b"junk")
+    assert load(toy).index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.png")
+
+
+def test_observations_are_a_series_of_their_own(tmp_path):
+    root = write_toy(tmp_path)
+    for sample, folder, word in ((1, "Sample 1", "Obs"), (2, "Sample_2", "Observation")):
+        for observation in (1, 2, 3):
+            home = root / "data" / "Fabric 7 Observations" / folder
+            profile = toy_profile(7, sample, 1)
+            write_image(home / "silhouettes" / f"Fabric_7_Sample_{sample}_{word}_{observation}.png", draw(profile))
+            write_mesh(home / "meshes" / f"Fabric_7_Sample_{sample}_Obs_{observation}.obj", *surface(profile))
+    index = load(root).select(cloth="fabric_7_observations").index
+    assert list(index["observation"]) == [1, 2, 3] * 2
+    assert (index["mesh"] != "").all()
+    assert (index["side"] == "up").all()
+    assert load(root).repeat_pairs("fabric_7_observations") == []
