@@ -13,11 +13,6 @@ from cusick_bench.leaderboard.bootstrap import beside, geometric_mean, mean
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
 
 
-@pytest.fixture
-def noise() -> np.random.Generator:
-    return np.random.default_rng(0)
-
-
 def test_interquartile_mean_drops_the_outer_quarters():
     assert interquartile_mean(np.array([0.0, 1, 2, 3, 4, 5, 6, 1000])) == pytest.approx(3.5)
     assert interquartile_mean(np.array([1.0, 2, 6])) == pytest.approx(3)

@@ -20,11 +20,6 @@ from cusick_bench.leaderboard.bootstrap import cell_values, mean
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 
 
-@pytest.fixture
-def noise() -> np.random.Generator:
-    return np.random.default_rng(0)
-
-
 def test_ties_are_grouped_and_real_differences_are_not(tmp_path, noise):
     write_solver(tmp_path, "best", lambda cloth, seed: DIFFICULTY[cloth] - 0.010 + noise.normal(0, 0.001))
     write_solver(tmp_path, "twin-a", lambda cloth, seed: DIFFICULTY[cloth] + noise.normal(0, 0.001))

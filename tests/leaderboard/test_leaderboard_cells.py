@@ -4,11 +4,8 @@ import json
 
 import numpy as np
 import pytest
-import typer
-from made_up_cells import DIFFICULTY, only, write_cell, write_solver
-from typer.testing import CliRunner
+from made_up_cells import DIFFICULTY, only, shown_by_command, write_cell, write_solver
 
-from cusick_bench.cli.results.leaderboard import leaderboard
 from cusick_bench.leaderboard import (
     LeaderboardError,
     load_cells,
@@ -16,14 +13,6 @@ from cusick_bench.leaderboard import (
 )
 from cusick_bench.metrics.distributions.proper_scores import variogram_score
 from cusick_bench.runner import Store
-
-app = typer.Typer()
-app.command()(leaderboard)
-
-
-@pytest.fixture
-def noise() -> np.random.Generator:
-    return np.random.default_rng(0)
 
 
 def test_failed_unfinished_and_damaged_cells_are_named_and_not_fatal(tmp_path):
@@ -96,7 +85,7 @@ def test_a_cell_that_says_what_no_cell_can_say_is_no_row(tmp_path, noise, change
     write_solver(tmp_path, "homo", lambda cloth, seed: DIFFICULTY[cloth])
     seed = changes.pop("seed", 9)
     folder = write_cell(tmp_path, "liar", "blue", seed, **changes)
-    result = CliRunner().invoke(app, [str(tmp_path), "--json"])
+    result = shown_by_command([str(tmp_path), "--json"])
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout)
     assert {row["solver"] for row in document["rows"]} == {"homo", "repeat of the same drape"}

@@ -2,13 +2,9 @@
 
 import json
 
-import numpy as np
 import pytest
-import typer
-from made_up_cells import only, write_cell, write_solver
-from typer.testing import CliRunner
+from made_up_cells import only, shown_by_command, write_cell, write_solver
 
-from cusick_bench.cli.results.leaderboard import leaderboard
 from cusick_bench.leaderboard import (
     csv,
     html_table,
@@ -16,14 +12,6 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
-
-app = typer.Typer()
-app.command()(leaderboard)
-
-
-@pytest.fixture
-def noise() -> np.random.Generator:
-    return np.random.default_rng(0)
 
 
 def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
@@ -76,7 +64,7 @@ def test_command_prints_json_and_writes_files(tmp_path, noise):
     (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": command, "cores": 2}))
     files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
     arguments = [str(tmp_path / "runs"), "--json"]
-    outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])
+    outcome = shown_by_command(arguments + [part for file in files for part in ("--out", str(file))])
     assert outcome.exit_code == 0, outcome.output
     rows = json.loads(outcome.stdout)["rows"]
     assert rows[1]["solver"] == "homo"
@@ -84,12 +72,12 @@ def test_command_prints_json_and_writes_files(tmp_path, noise):
     assert rows[1]["command"] == "cusick-bench run --cloth 'blue twill' --solver bdp,draws=5"  # can be typed again
     assert rows[1]["dataset_hash"] == "abc"
     assert all("homo" in file.read_text() for file in files)
-    plain = CliRunner().invoke(app, [str(tmp_path / "runs")])
+    plain = shown_by_command([str(tmp_path / "runs")])
     assert "61.5" in plain.stdout
     assert "homo" in plain.stdout
 
 
 def test_command_refuses_with_status_2(tmp_path):
-    assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
+    assert shown_by_command([str(tmp_path / "nothing")]).exit_code == 2
     write_cell(tmp_path, "homo", "blue")
-    assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2
+    assert shown_by_command([str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2

@@ -4,6 +4,10 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import typer
+from typer.testing import CliRunner, Result
+
+from cusick_bench.cli.results.leaderboard import leaderboard
 from cusick_bench.leaderboard import leaderboards, load_cells
 
 CLOTHS = ("blue", "pink", "white", "viscose", "red")
@@ -51,3 +55,10 @@ def only(folder: Path, **options):
 
 def ranks(board) -> dict[str, int | None]:
     return {row.label: row.rank for row in board.rows}
+
+
+def shown_by_command(arguments: list[str]) -> Result:
+    """What the command `leaderboard` prints, and its exit status."""
+    app = typer.Typer()
+    app.command()(leaderboard)
+    return CliRunner().invoke(app, arguments)

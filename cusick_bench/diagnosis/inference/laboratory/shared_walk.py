@@ -206,7 +206,7 @@ def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Lab
     found = []
     for number, name in enumerate(points.names):
         own = np.flatnonzero(points.effect == number)
-        cause = candidate_at(points, points.densest(own, weight[own]))
+        cause = candidate_at(points, points.densest(number, weight))
         intervals = point_intervals(points, own, weight[own])
         mean = evidence[:, number] / max(float(compared[number]), 1e-9)
         found.append(

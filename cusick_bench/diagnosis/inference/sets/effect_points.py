@@ -61,17 +61,18 @@ class EffectPoints:
             cell[own] = grid.cell[self.row[own]]
         return cell
 
-    def densest(self, chosen: Int[ndarray, "chosen"], weight: Float[ndarray, "chosen"]) -> int:
-        """The point of largest density: parts of a cell share its weight, so points beside them have more of it.
+    def densest(self, effect: int, weight: Float[ndarray, "points"]) -> int:
+        """An effect's point of largest density: parts of a cell share its weight, points beside them have more of it.
 
         Args:
-            chosen: Points to choose from.
-            weight: Weight of each.
+            effect: The effect, as a place in `names`.
+            weight: Weight of every point.
 
         Returns:
-            One of `chosen`.
+            Index of the point.
         """
-        return int(chosen[np.argmax(weight / self.cell[chosen])])
+        own = np.flatnonzero(self.effect == effect)
+        return int(own[np.argmax(weight[own] / self.cell[own])])
 
     def value(self, point: int) -> dict[str, float]:
         """Parameters at a point.

@@ -197,18 +197,14 @@ def likeliest_candidates(sets: FabricSets) -> dict[str, Candidate]:
     points = sets.model.points
     found = {one.hypothesis.name: one for one in sets.shared}
     for number, name in enumerate(points.names):
-        own = np.flatnonzero(points.effect == number)
-        found[name] = candidate_at(points, points.densest(own, sets.posterior.weight[own]))
+        found[name] = candidate_at(points, points.densest(number, sets.posterior.weight))
     return found
 
 
 def _likeliest_points(sets: FabricSets, names: Sequence[str]) -> list[int]:
     """A point for each effect: the likeliest by itself, then the likeliest given the others."""
     points, model = sets.model.points, sets.model
-    chosen = []
-    for name in names:
-        own = np.flatnonzero(points.effect == points.names.index(name))
-        chosen.append(points.densest(own, sets.posterior.weight[own]))
+    chosen = [points.densest(points.names.index(name), sets.posterior.weight) for name in names]
     for _ in range(2 if len(chosen) > 1 else 1):
         for place, point in enumerate(chosen):
             others = chosen[:place] + chosen[place + 1 :]

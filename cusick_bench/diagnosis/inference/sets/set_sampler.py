@@ -178,8 +178,8 @@ def forward_selection(model: SetModel, more: SharedShift | None = None) -> list[
         if given.options[-1] > 0.5:
             break
         by_effect = np.bincount(model.points.effect, given.options[:-1], minlength=len(model.points.names))
-        own = np.flatnonzero(model.points.effect == int(np.argmax(by_effect)))
-        chosen = _settled(model, [*chosen, model.points.densest(own, given.options[own])], more)
+        added = model.points.densest(int(np.argmax(by_effect)), given.options[:-1])
+        chosen = _settled(model, [*chosen, added], more)
     return chosen
 
 
@@ -188,9 +188,9 @@ def _settled(model: SetModel, chosen: list[int], more: SharedShift | None) -> li
     for place in range(len(chosen) - 1):
         others = chosen[:place] + chosen[place + 1 :]
         options = conditional(model, others, more).options[:-1]
-        own = np.flatnonzero(model.points.effect == model.points.effect[chosen[place]])
-        if options[own].max() > 0:
-            chosen[place] = model.points.densest(own, options[own])
+        best = model.points.densest(int(model.points.effect[chosen[place]]), options)
+        if options[best] > 0:
+            chosen[place] = best
     return chosen
 
 
