@@ -175,7 +175,7 @@ def diagnose(
         effects=found.effects,
         groups=found.groups,
         causes=tuple(map(shown.on_the_bench, evidence.causes)),
-        intervals=parameter_intervals(sets.model.points, sets.posterior, shown),
+        intervals=parameter_intervals(sets.model.points, sets.posterior, evidence.best, shown),
         best={name: shown.on_the_bench(one) for name, one in evidence.best.items()},
         shared=tuple(of_laboratory),
         budget=evidence.budget,

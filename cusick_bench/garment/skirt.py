@@ -147,8 +147,8 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
         The skirt.
 
     Raises:
-        GarmentError: Too few vertices, or a hem that is not wider than the waist, or so wide that the cone is flatter
-            than a disc.
+        GarmentError: Too few vertices, at all or for so long and narrow a skirt, or a hem that is not wider than the
+            waist, or so wide that the cone is flatter than a disc.
     """
     flare = (size.hem - size.waist) / size.length
     if not _LEAST_FLARE <= flare <= 1 - _LEAST_FLARE:
@@ -198,12 +198,20 @@ def _unfolded(start: ndarray, faces: ndarray, waist: float) -> Float[ndarray, "v
 
     From above, a cone hardly wider at its hem than at its waist is so narrow a ring that chords between vertices
     fall beyond the vertices of the next row.
+
+    Raises:
+        GarmentError: They do so in a flat ring, too.
     """
     above = start[:, :2]
-    if (0.5 * doubled_areas(above, faces) > _LEAST_AREA).all():
-        return above
     radius = np.hypot(*above.T)
-    return above * (1 + (np.hypot(radius - waist, start[:, 2]) - (radius - waist)) / radius)[:, None]
+    ring = above * (1 + (np.hypot(radius - waist, start[:, 2]) - (radius - waist)) / radius)[:, None]
+    for plane in (above, ring):
+        if (0.5 * doubled_areas(plane, faces) > _LEAST_AREA).all():
+            return plane
+    raise GarmentError(
+        f"a mesh of {len(start)} vertices is too coarse for so long and narrow a skirt; take more vertices, a wider "
+        "hem or a shorter skirt"
+    )
 
 
 def _on_cone(points: ndarray, sector: Sector, size: SkirtSize, centre: float) -> Float[ndarray, "vertices 3"]:

@@ -87,6 +87,10 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         ([*NUMBERS, "--vertices", "20"], "at least 150 vertices"),
         ([*NUMBERS, "--waist", "0.001"], "too coarse for a waist of 0.001 m in radius"),
         ([*NUMBERS, "--kind", "a-line", "--waist", "0.001"], "too coarse for a waist"),
+        (
+            [*NUMBERS, "--kind", "a-line", "--hem", "0.12", "--length", "1.2", "--vertices", "200"],
+            "too coarse for so long and narrow a skirt",
+        ),
         ([*NUMBERS, "--heterogeneity", "-0.1"], "spread of log stiffness"),
         ([*NUMBERS, "--motion", "sway"], "--motion is about a waist that moves; leave it out, or give --dynamic"),
         ([*NUMBERS, "--amplitude", "0.1"], "--amplitude is about a waist that moves"),

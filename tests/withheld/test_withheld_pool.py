@@ -60,6 +60,27 @@ def test_no_case_counts_twice_and_severities_are_of_one_kind(tmp_path):
     assert len(pooled([read_score_table(measured), read_score_table(nulls)])) == 2
 
 
+@pytest.mark.parametrize("severities", [("", "detectable shift"), ("typical severity",) * 2])
+def test_suites_of_one_unit_are_pooled(tmp_path, severities):
+    tables = [read_score_table(_with_unit(tmp_path / f"{n}.csv", unit)) for n, unit in enumerate(severities)]
+    assert pooled(tables)[0].figure.cases == 8
+
+
+def test_levels_of_two_units_are_never_mixed(tmp_path):
+    units = ("typical severity", "detectable shift")
+    tables = [read_score_table(_with_unit(tmp_path / f"{n}.csv", unit)) for n, unit in enumerate(units)]
+    with pytest.raises(
+        WithheldError, match=r"multiples of the typical severity in .*0\.csv, of the detectable shift in"
+    ):
+        pooled(tables)
+
+
+def _with_unit(path: Path, unit: str) -> Path:
+    table = pd.read_csv(_table(path, path.name, ("power", ">= 2x", 0.5, 4)))
+    table.assign(severities=unit).to_csv(path, index=False)
+    return path
+
+
 def test_files_of_one_name_in_two_folders_are_two_suites(tmp_path):
     paths = []
     for folder, value, cases in (("paper", 0.5, 4), ("polar", 1.0, 12)):

@@ -36,7 +36,8 @@ class ParameterValue(Part):
     Attributes:
         value: Best estimate, in `unit`.
         unit: Its unit; "1" for a pure number, "" where the effect is not registered here.
-        ci90: Its 90 % interval, given that the effect acts; of a direction the upper end may exceed 360.
+        ci90: The shortest interval that holds it and has 90 % of the probability, given that the effect acts; of a
+            direction the upper end may exceed 360.
     """
 
     value: float | None = None

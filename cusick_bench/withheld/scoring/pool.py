@@ -35,12 +35,14 @@ class ScoreTable:
         values: Value and number of cases, by name of the figure and of the subset of cases.
         labels: Digest of the suite's labels.
         measured: Whether severities are those that silhouettes show; None where no case has an effect.
+        unit: What levels of severity are multiples of; "" where no case has one, or the file is too old to say.
     """
 
     path: Path
     values: Mapping[tuple[str, str], tuple[float, int]]
     labels: str
     measured: bool | None
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,10 @@ def read_score_table(path: Path) -> ScoreTable:
     values = {(cells["name"], cells["subset"]): _value(path, number, cells) for number, cells in rows}
     first = rows[0][1]
     has_effects = any(cases for (_, subset), (_, cases) in values.items() if subset != ALL)
-    return ScoreTable(path, values, first["labels_sha256"], _TWINS in first["command"] if has_effects else None)
+    measured = _TWINS in first["command"] if has_effects else None
+    return ScoreTable(
+        path, values, first["labels_sha256"], measured, first.get("severities", "") if has_effects else ""
+    )
 
 
 def _is_pooled(cells: Mapping[str, str]) -> bool:
@@ -102,7 +107,7 @@ def pooled(tables: Sequence[ScoreTable]) -> list[PooledFigure]:
         Shares and means over cases that any suite has, in the order of `MEASURES`.
 
     Raises:
-        WithheldError: Two tables are of the same cases, or severities are measured in some only.
+        WithheldError: Two tables are of the same cases, or their severities are not of one kind.
     """
     for one, other in combinations(tables, 2):
         if one.labels == other.labels:
@@ -110,6 +115,11 @@ def pooled(tables: Sequence[ScoreTable]) -> list[PooledFigure]:
         if {one.measured, other.measured} == {True, False}:
             plain = other if one.measured else one
             raise WithheldError(f"severities are not measured in {plain.path}, but in others; score it with {_TWINS}")
+        if one.unit and other.unit and one.unit != other.unit:
+            raise WithheldError(
+                f"severities are multiples of the {one.unit} in {one.path}, of the {other.unit} in {other.path}; score "
+                f"both with {_TWINS}, or pool suites of one kind"
+            )
     found = []
     for measure in MEASURES:
         named = [subset for table in tables for name, subset in table.values if name == measure.name]

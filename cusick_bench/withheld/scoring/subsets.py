@@ -52,6 +52,19 @@ def levels_of(cases: pd.DataFrame) -> ndarray:
     return np.where((unit == DETECTABLE) | (not mixed), cases["level"].to_numpy(str), "")
 
 
+def unit_of_levels(cases: pd.DataFrame) -> str:
+    """What levels of severity are multiples of.
+
+    Args:
+        cases: Judgements, a row a case.
+
+    Returns:
+        `DETECTABLE` or `TYPICAL`; "" where no case has a level.
+    """
+    units = sorted(set(cases["unit"].to_numpy(str)[levels_of(cases) != ""]))
+    return units[0] if units else ""
+
+
 def are_clear(cases: pd.DataFrame) -> Bool[ndarray, " cases"]:
     """Which cases have a severity of at least twice the unit of the levels.
 

@@ -21,7 +21,7 @@ from cusick_bench.withheld.scoring.measures import (
     MEASURES,
 )
 from cusick_bench.withheld.scoring.score import ANSWERS, Scores
-from cusick_bench.withheld.scoring.subsets import are_clear
+from cusick_bench.withheld.scoring.subsets import are_clear, unit_of_levels
 
 _MEANINGS = {measure.name: measure.meaning for measure in MEASURES} | {
     AUROC: "how often an effect looks more like one than a null does",
@@ -238,7 +238,8 @@ def rows(scores: Scores, failed: Sequence[Failure], facts: Mapping[str, Any]) ->
         {"row": "failure", "case": f.case, "faults": ", ".join(f.faults), "label": f.label, "answer": f.answer}
         for f in failed
     ]
-    return pd.DataFrame([{**row, **facts} for row in lines])
+    unit = unit_of_levels(scores.cases)
+    return pd.DataFrame([{**row, "severities": unit, **facts} for row in lines])
 
 
 def _counts(kind: str, table: pd.DataFrame) -> Iterable[dict[str, Any]]:

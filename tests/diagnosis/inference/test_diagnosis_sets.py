@@ -106,7 +106,7 @@ def test_a_set_is_found_whole(three: tuple[FabricData, FabricSets]) -> None:
     values = {one.hypothesis.name: one.value for one in causes}
     assert values["creep"]["loss"] == pytest.approx(SIZES["creep"][0], rel=0.3)
     assert values["face-asymmetry"]["asymmetry"] == pytest.approx(SIZES["face-asymmetry"][0], rel=0.4)
-    low, high = parameter_intervals(sets.model.points, sets.posterior)["creep"]["loss"]
+    low, high = parameter_intervals(sets.model.points, sets.posterior, likeliest_candidates(sets))["creep"]["loss"]
     assert low < values["creep"]["loss"] < high, "a point of the grid stands for its surroundings"
     assert high / low < 2
 

@@ -207,7 +207,7 @@ def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Lab
     for number, name in enumerate(points.names):
         own = np.flatnonzero(points.effect == number)
         cause = candidate_at(points, points.densest(number, weight))
-        intervals = point_intervals(points, own, weight[own])
+        intervals = point_intervals(points, own, weight[own], cause)
         mean = evidence[:, number] / max(float(compared[number]), 1e-9)
         found.append(
             SharedEffect(name, float(effects[number]), cause, intervals, dict(zip(names, mean.tolist(), strict=True)))
