@@ -81,6 +81,7 @@ class DataSetDiagnosis:
                 captures, self.emulator, self.calibration, self.options,
                 shared=self.laboratory.named if self.laboratory else (),
                 acting=self.laboratory.acting if self.laboratory else None,
+                look_alikes=self.laboratory.look_alikes if self.laboratory else None,
                 simulators=self.simulators, progress=progress,
             )  # fmt: skip
         except Refused as refusal:

@@ -57,8 +57,10 @@ class Diagnosis:
         groups: Look-alikes of which one acts beside the named set.
         causes: The named effects at their best parameters with the likeliest of each group, the largest shift first;
             the likeliest set where there is neither though something acts.
-        intervals: 90 % intervals of the parameters of every effect that may act.
-        best: Every effect that may act, at its likeliest parameters, by its name.
+        intervals: 90 % intervals of the parameters of every effect that may act; none of a look-alike of what the
+            laboratory's fabrics share.
+        best: Every effect that may act, at its likeliest parameters, by its name; such a look-alike at those that all
+            fabrics would share.
         shared: The effects of the named set that belong to the laboratory, found from all its fabrics.
         budget: Share of the gap that each cause takes; None where there is no gap to share.
         novelty: Whether the likeliest set is all that acts.
@@ -117,6 +119,7 @@ def diagnose(
     *,
     shared: tuple[Candidate, ...] = (),
     acting: Mapping[str, Mapping[str, float]] | None = None,
+    look_alikes: Mapping[str, Candidate] | None = None,
     simulators: Simulators | None = None,
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Diagnosis:
@@ -130,6 +133,7 @@ def diagnose(
         shared: Effects of the laboratory that all its fabrics show, from `laboratory`.
         acting: For each of them the probability that it acts, and that each of its look-alikes does instead; by default
             they act for certain.
+        look_alikes: These look-alikes, at the parameters that all fabrics would share.
         simulators: Simulators that are reused from fabric to fabric.
         progress: Called with what is being done and the share that is done.
 
@@ -164,6 +168,8 @@ def diagnose(
         )[0]  # fmt: skip
     progress("done", 1.0)
     shown = FacesShown(evidence.features.single, captures.warp_seen_down)
+    stand_ins = _likelier_for_all(look_alikes or {}, of_laboratory, sets.posterior.effects)
+    intervals = parameter_intervals(sets.model.points, sets.posterior, evidence.best, shown)
     return Diagnosis(
         fabric=captures.fabric,
         verdict=found.verdict,
@@ -175,8 +181,8 @@ def diagnose(
         effects=found.effects,
         groups=found.groups,
         causes=tuple(map(shown.on_the_bench, evidence.causes)),
-        intervals=parameter_intervals(sets.model.points, sets.posterior, evidence.best, shown),
-        best={name: shown.on_the_bench(one) for name, one in evidence.best.items()},
+        intervals={name: own for name, own in intervals.items() if name not in stand_ins},
+        best={name: shown.on_the_bench(one) for name, one in {**evidence.best, **stand_ins}.items()},
         shared=tuple(of_laboratory),
         budget=evidence.budget,
         novelty=evidence.novelty,
@@ -211,6 +217,14 @@ def _acting(of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, 
         for name, p in group.items():
             acting[name] = p if name == first else max(p, acting.get(name, 0.0))
     return acting
+
+
+def _likelier_for_all(
+    look_alikes: Mapping[str, Candidate], of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, float]
+) -> dict[str, Candidate]:
+    """Look-alikes of shared effects that act for all fabrics sooner than for one alone."""
+    for_all = {name: p for group in of_laboratory.values() for name, p in group.items()}
+    return {name: one for name, one in look_alikes.items() if for_all.get(name, 0.0) >= own.get(name, 0.0)}
 
 
 def _place(evidence: FabricEvidence) -> Place:

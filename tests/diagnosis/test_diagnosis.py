@@ -449,6 +449,20 @@ def test_a_set_of_effects_holds_those_of_the_laboratory(emulator: Emulator) -> N
     assert all("camera-offset" in names for names in found.sets)
 
 
+@pytest.mark.parametrize("p", [0.4, 0.0])
+def test_what_may_act_instead_for_all_fabrics_has_their_parameters(emulator: Emulator, p: float) -> None:
+    """Unless it is likelier that this fabric alone shows it, at its own."""
+    captures = simulated_captures("camera-offset", 4e-3, samples=3)
+    known = {one.name: one for one in hypotheses(emulator) if one.frame == "lab"}
+    shared = (Candidate(known["camera-offset"], {"shift": 4e-3, "direction": 0.0}),)
+    instead = {"off-centre": Candidate(known["off-centre"], {"shift": 5e-3, "direction": 10.0})}
+    acting = {"camera-offset": {"camera-offset": 1 - p, "off-centre": p}}
+    others = tuple({one.name for one in hypotheses(emulator)} - {"camera-offset", "off-centre"})  # to save time
+    options = Options(samples=0, without=others)
+    found = diagnose(captures, emulator, options=options, shared=shared, acting=acting, look_alikes=instead)
+    assert (found.best["off-centre"].value["shift"] == 5e-3) == (p > 0)
+
+
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:
     generator = np.random.default_rng(16)
     residual = residual_of(emulator, *drawn_fabric(emulator, generator))

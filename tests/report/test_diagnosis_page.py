@@ -354,6 +354,16 @@ def test_budget_of_the_gap(tmp_path):
     assert "shown by all fabrics of this laboratory" in text
 
 
+def test_what_may_be_shared_instead_is_said(tmp_path):
+    made = small_document()
+    first, other = (one["effect"] for one in made["causes"][:2])
+    assert "instead of" not in page(made, tmp_path).text
+    made["causes"][0]["shared"], made["groups"] = True, [[first, other]]
+    text = page(made, tmp_path).text
+    assert f"one of {first}, {other} is shown by all fabrics of this laboratory" in text
+    assert f"may be what all fabrics of this laboratory show, instead of {first}" in text
+
+
 def test_what_is_refused_is_said(tmp_path):
     text = page(
         EMPTY | {"verdict": "refused", "refused": "one sample", "headline": "Not diagnosed: one sample."}, tmp_path

@@ -9,8 +9,10 @@ from pydantic import Field
 
 from cusick_bench.diagnosis.document.model import ParameterValue
 from cusick_bench.diagnosis.document.part import Part, Probability
+from cusick_bench.diagnosis.inference.findings.intervals import ParameterInterval
 from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory, least_lead
 from cusick_bench.diagnosis.inference.residuals.samples import lengths_of_atlas
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
@@ -29,6 +31,7 @@ class SharedCause(Part):
         parameters: Shared parameters by name.
         evidence: By fabric, ln of its likelihood with the effect over that without [nat].
         look_alikes: Effects that may act in its place, with how far the shared set with them stays behind [nat].
+        in_its_place: Shared parameters of these look-alikes, by effect and name.
     """
 
     effect: str
@@ -38,6 +41,7 @@ class SharedCause(Part):
     parameters: dict[str, ParameterValue]
     evidence: dict[str, float]
     look_alikes: dict[str, float] = Field(default_factory=dict)
+    in_its_place: dict[str, dict[str, ParameterValue]] = Field(default_factory=dict)
 
 
 class LaboratoryDocument(Part):
@@ -81,27 +85,31 @@ def laboratory_document(found: Laboratory, captures: Mapping[str, Captures]) -> 
     named = {one.hypothesis.name for one in found.named}
     causes = []
     for one in found.effects:
-        effect = registered()[one.name]
-        units = {p.name: p.unit for p in effect.parameters}
         if one.probability < _LEAST:
             continue
         causes.append(
             SharedCause(
                 effect=one.name,
-                stage=effect.kind,
+                stage=registered()[one.name].kind,
                 probability=one.probability,
                 named=one.name in named,
-                parameters={
-                    name: ParameterValue(value=value, unit=units[name], ci90=one.intervals[name])
-                    for name, value in one.cause.value.items()
-                },
+                parameters=_parameters(one.cause, one.intervals),
                 evidence=dict(one.evidence),
                 look_alikes=dict(one.look_alikes),
+                in_its_place={name: _parameters(cause, {}) for name, cause in one.in_its_place.items()},
             )
         )
     own = [captures[name] for name in found.fabrics]
     notes = (*_in_doubt(found), *lengths_of_atlas(own[0].protocol), *shown_twice(own))
     return LaboratoryDocument(fabrics=found.fabrics, effects=tuple(causes), notes=notes)
+
+
+def _parameters(cause: Candidate, intervals: Mapping[str, ParameterInterval]) -> dict[str, ParameterValue]:
+    units = {p.name: p.unit for p in cause.hypothesis.effect.parameters}
+    return {
+        name: ParameterValue(value=value, unit=units[name], ci90=intervals.get(name))
+        for name, value in cause.value.items()
+    }
 
 
 def _in_doubt(found: Laboratory) -> Iterator[str]:

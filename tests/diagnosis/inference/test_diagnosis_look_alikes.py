@@ -88,6 +88,12 @@ class TestExchanges:
             assert list(others.values()) == sorted(others.values())
         assert found.without("camera-offset") > least_lead(3)
 
+    def test_a_look_alike_has_the_parameters_that_all_fabrics_would_share(self, found: Exchanges) -> None:
+        one = found.in_place_of("camera-offset", "off-centre")
+        assert one.hypothesis.name == "off-centre"
+        assert one.value["shift"] > 1e-3
+        assert one.value["direction"] == pytest.approx(120, abs=30)
+
     def test_walks_of_a_set_never_lose_an_effect(self, found: Exchanges) -> None:
         for names, one in found.sets.items():
             points = one.walk.points[0]

@@ -153,7 +153,11 @@ def _with_causes(found: Laboratory, causes: Sequence[Candidate], exchanges: Exch
             look_alikes, without = exchanges.look_alikes(one.name), exchanges.without(one.name)
             nothing = shares({"": 0.0, **look_alikes, NONE: without}, len(found.fabrics))[NONE]
             one = replace(
-                one, cause=by_name[one.name], look_alikes=look_alikes, probability=one.probability * (1 - nothing)
+                one,
+                cause=by_name[one.name],
+                look_alikes=look_alikes,
+                in_its_place={other: exchanges.in_place_of(one.name, other) for other in look_alikes},
+                probability=one.probability * (1 - nothing),
             )
         effects.append(one)
     return replace(found, effects=tuple(sorted(effects, key=lambda one: -one.probability)))

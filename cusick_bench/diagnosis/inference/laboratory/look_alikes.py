@@ -25,6 +25,8 @@ from cusick_bench.diagnosis.inference.laboratory.shared_effects import (
 )
 from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk, same_point
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.fabric_sets import candidate_at
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 
 _ADAPTED: Final = 6  # steps on coarse grids
 _SETTLED: Final = 2  # first steps on finer grids, which do not count
@@ -43,10 +45,12 @@ class AdaptedSet:
     Attributes:
         walk: The walk on coarse grids, at its end.
         log_joint: Mean log joint probability on finer grids, on coarse ones where it is far behind.
+        finer: The walk on finer grids; None where it is far behind.
     """
 
     walk: SharedWalk
     log_joint: float
+    finer: SharedWalk | None = None
 
 
 class Exchanges:
@@ -118,6 +122,21 @@ class Exchanges:
         lost = {name: self._behind(rest | {name}) for name in others}
         return dict(sorted(((n, b) for n, b in lost.items() if b < most), key=lambda item: item[1]))
 
+    def in_place_of(self, effect: str, other: str) -> Candidate:
+        """What a look-alike would be in the laboratory.
+
+        Args:
+            effect: Name of an effect of the likeliest set.
+            other: One of its look-alikes.
+
+        Returns:
+            The look-alike at its likeliest parameters in the set where it stands in place of the effect.
+        """
+        found = self.sets[self.likeliest - {effect} | {other}]
+        walk = found.finer or found.walk
+        points = walk.points[0]
+        return candidate_at(points, points.densest(points.names.index(other), walk.weight))
+
     def _behind(self, names: Names) -> float:
         return self.sets[self.likeliest].log_joint - self.sets[names].log_joint
 
@@ -132,19 +151,20 @@ class Exchanges:
         walk = SharedWalk(self.fabrics, points, self.generator, start, complete=True)
         for _ in range(_ADAPTED):
             walk.step(counts=False)
-        log_joint = walk.log_joint()
+        log_joint, on_finer_grids = walk.log_joint(), None
         best = max((one.log_joint for one in self.sets.values()), default=-np.inf)
         if log_joint > best - _FAR * least_lead(len(self.fabrics)):
-            log_joint = self._on_finer_grids(walk, points)
-        self.sets[names] = AdaptedSet(walk, log_joint)
+            on_finer_grids = self._on_finer_grids(walk, points)
+            log_joint = float(np.mean(on_finer_grids.log_joints))
+        self.sets[names] = AdaptedSet(walk, log_joint, on_finer_grids)
 
-    def _on_finer_grids(self, walk: SharedWalk, points: Sequence[EffectPoints]) -> float:
+    def _on_finer_grids(self, walk: SharedWalk, points: Sequence[EffectPoints]) -> SharedWalk:
         near = set(walk.shared)
         finer = [finer_shared_points(fabric, one, near) for fabric, one in zip(self.fabrics, points, strict=True)]
         walk = walk.on(finer, complete=True)
         for step in range(_SETTLED + _COUNTED):
             walk.step(counts=step >= _SETTLED)
-        return float(np.mean(walk.log_joints))
+        return walk
 
 
 def _exchanged(names: Names, listed: Sequence[str]) -> Iterator[Names]:

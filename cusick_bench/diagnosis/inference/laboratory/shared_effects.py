@@ -42,6 +42,7 @@ class SharedEffect:
             [nat].
         look_alikes: Effects that may act instead of a named one, with how far the shared set with them stays behind
             [nat], the nearest first.
+        in_its_place: These look-alikes at their likeliest shared parameters.
     """
 
     name: str
@@ -50,6 +51,7 @@ class SharedEffect:
     intervals: Mapping[str, ParameterInterval]
     evidence: Mapping[str, float]
     look_alikes: Mapping[str, float] = field(default_factory=dict)
+    in_its_place: Mapping[str, Candidate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +82,18 @@ class Laboratory:
                 share = shares({one.name: 0.0, **one.look_alikes}, len(self.fabrics))
                 found[one.name] = {name: one.probability * each for name, each in share.items()}
         return found
+
+    @property
+    def look_alikes(self) -> Mapping[str, Candidate]:
+        """What may act in place of an effect of `named`, by name; where two are possible, of the likelier."""
+        found: dict[str, tuple[float, Candidate]] = {}
+        acting = self.acting
+        for one in self.effects:
+            for name, cause in one.in_its_place.items():
+                p = acting.get(one.name, {}).get(name, 0.0)
+                if p > found.get(name, (0.0, cause))[0]:
+                    found[name] = p, cause
+        return {name: cause for name, (_, cause) in found.items()}
 
 
 @dataclass(frozen=True, eq=False)

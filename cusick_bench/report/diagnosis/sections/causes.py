@@ -113,10 +113,13 @@ def _remarks(cause: Cause, document: DiagnosisDocument) -> list[str]:
     remarks += ["in the 90 % set"] if cause.effect in document.set90 else []
     if cause.effect in document.effects and percent(cause.likelihood_of_acting) != percent(cause.probability):
         remarks.append(f"accounts for most with probability {percent(cause.probability)}")
+    group = next((group for group in document.groups if cause.effect in group), ())
+    first = next(iter(group), "")
     if cause.shared:
-        group = next((group for group in document.groups if group[0] == cause.effect), ())
-        which = f"one of {', '.join(group)} is " if group else ""
+        which = f"one of {', '.join(group)} is " if first == cause.effect else ""
         remarks.append(f"{which}shown by all fabrics of this laboratory")
+    elif any(one.effect == first and one.shared for one in document.causes):
+        remarks.append(f"may be what all fabrics of this laboratory show, instead of {first}")
     remarks += [_share_in_words(one) for one in document.budget if one.effect == cause.effect]
     fraction, interval = document.closure.fraction, document.closure.ci90
     if fraction is not None and cause.effect in named_causes(document):
