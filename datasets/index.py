@@ -10,7 +10,7 @@ import pandas as pd
 from cusick_bench.datasets import named, pairing
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.fabrics import Fabric, fabric_key
-from cusick_bench.datasets.files.layout import Entry, Layout
+from cusick_bench.datasets.files.layout import NAMED_FACES, Entry, Layout
 from cusick_bench.datasets.files.measure import ImageMeasure, MeshMeasure, content_hash, measure_image, measure_mesh
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile
@@ -243,7 +243,9 @@ def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recogn
 def _side(entry: Entry, protocol: Protocol, doubtful: bool) -> tuple[str, list[str]]:
     if entry.capture == 0:
         return "", [UNNUMBERED]
-    if doubtful and not entry.is_named:
+    if entry.is_named:
+        return NAMED_FACES[entry.capture], []
+    if doubtful:
         return "", ["side unknown: meshes contradict the capture numbers"]
     side = protocol.captures.get(entry.capture, "")
     return side, [] if side else [f"side of capture {entry.capture} unknown"]

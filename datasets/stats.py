@@ -126,7 +126,8 @@ class ClothStatistics:
         spectrum: Mean amplitudes [m] of harmonics 0 to `SPECTRUM_MODES`.
         mse_repeat, mse_flip, mse_other_sample, mse_other_fabric: Mean image differences; NaN without such pairs.
         down_minus_up: Difference of the drape coefficient between the faces, paired by sample.
-        drift: Observation of a series -> change of the drape coefficient since the first, paired by sample.
+        drift: Observation of a series -> change of the drape coefficient since the first of the same capture, paired by
+            sample.
         order: Of the drape coefficient, beside the mean of its face, with the sample's number.
     """
 
@@ -162,6 +163,7 @@ class _Cloth:
 
     images: Float[ndarray, "images pixels"]
     sample: ndarray
+    capture: ndarray
     side: ndarray
     observation: ndarray
     coefficient: Float[ndarray, " images"]
@@ -233,6 +235,7 @@ def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
     return _Cloth(
         np.stack(pixels) if pixels else np.zeros((0, protocol.image_size_px**2), dtype=np.float32),
         np.asarray(table["sample"]),
+        np.asarray(table["capture"]),
         np.asarray(table["side"], dtype=str),
         np.asarray(table["observation"]),
         np.array(coefficients),
@@ -337,14 +340,11 @@ def _beside_faces(coefficients: dict[tuple[int, str], float]) -> dict[int, float
 
 
 def _drift(read: _Cloth) -> dict[int, Difference]:
-    """Change since the first observation."""
-    keys = zip(read.sample.tolist(), read.observation.tolist(), strict=True)
+    """Change of every sample since the first observation, the mean over its captures."""
+    keys = zip(read.sample.tolist(), read.capture.tolist(), read.observation.tolist(), strict=True)
     series = dict(zip(keys, read.coefficient.tolist(), strict=True))
-    later = sorted({observation for _, observation in series if observation > 1})
-    samples = sorted({sample for sample, _ in series})
-    return {
-        number: Difference.of(
-            [series[s, number] - series[s, 1] for s in samples if (s, number) in series and (s, 1) in series]
-        )
-        for number in later
-    }
+    changes: dict[int, dict[int, list[float]]] = {number: defaultdict(list) for *_, number in series if number > 1}
+    for (sample, capture, number), value in series.items():
+        if number > 1 and (sample, capture, 1) in series:
+            changes[number][sample].append(value - series[sample, capture, 1])
+    return {number: Difference.of(list(map(_centre, of.values()))) for number, of in sorted(changes.items())}

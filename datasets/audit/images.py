@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from cusick_bench.datasets.audit.limits import impossible_faults
-from cusick_bench.datasets.files.layout import Layout
+from cusick_bench.datasets.files.layout import NAMED_FACES, Layout
 from cusick_bench.datasets.files.measure import ImageMeasure
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.index import Survey
@@ -132,7 +132,7 @@ def check_named_sets(
     for entry in layout.silhouettes:
         if entry.is_named:
             folders[entry.cloth] = entry.path.rpartition("/")[0] or "."
-            faces[entry.cloth].add({1: "up", 2: "up", 3: "down", 4: "down"}.get(entry.capture, "unknown"))
+            faces[entry.cloth].add(NAMED_FACES.get(entry.capture, "unknown"))
             observations[entry.cloth].add(entry.observation)
     for cloth, folder in folders.items():
         if len(faces[cloth]) > 1:

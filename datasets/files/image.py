@@ -109,6 +109,9 @@ def _decode(path: Path, protocol: Protocol) -> ndarray:
         raise _bad(path, "unreadable-image", "cannot be decoded (damaged or cut short)", replace)
     if not np.isfinite(levels).all():  # such as ImageJ's background of NaN
         raise _bad(path, "unreadable-image", "holds levels that are no numbers", "save it as a grey or RGB image")
+    if (most := float(levels.max())) > _OVERSHOOT * _FULL_SCALES[-1]:
+        what = f"holds levels up to {most:.0f}, of which none is known to be white"
+        raise _bad(path, "unreadable-image", what, "save it as a grey or RGB image of 8 or 16 bits")
     return _levels(levels, 255.0 if protocol.foreground == "dark" else 0.0)
 
 
@@ -166,7 +169,7 @@ def _levels(decoded: ndarray, paper: float) -> ndarray:
     if decoded.dtype != np.uint8:  # 16 bit or more: the levels themselves tell what white is
         levels = decoded.astype(np.float64)
         scales = _FULL_SCALES if decoded.dtype.kind == "f" else _FULL_SCALES[1:]
-        white = next((scale for scale in scales if levels.max() <= _OVERSHOOT * scale), scales[-1])
+        white = next(scale for scale in scales if levels.max() <= _OVERSHOOT * scale)
         levels = np.clip(levels * (255.0 / white), 0.0, 255.0)
     if levels.ndim == 2:
         return levels

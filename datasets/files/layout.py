@@ -19,14 +19,17 @@ from cusick_bench.files.first_names import first_names
 from cusick_bench.sim.cloth import obj
 
 NAMED_SETS = "bnn_image_gt"
+NAMED_FACES = {1: "up", 2: "up", 3: "down", 4: "down"}
+"""Face that lies up in each capture of a named set: that of its file's name, whatever a protocol says of captures."""
+_DATA = "data"  # folder of the fabrics, in any case
 _MAXIMUM_FILES = 200_000
 _SIDE_FILES = re.compile(
     r"(readme|licen[cs]e|citation).*|fabrics\.csv|(protocol|sha256|croissant|truth|manifest)\.json|check_.*\.jpg|weights\.csv",
     re.I,
 )
-_DIGITS = r"(\d{1,18})(?!\d)"  # of a number in a file's name, which may be a date; all of them, within 64 bits
-_FABRIC_FOLDER = re.compile(r"fabric[ _-]*(\d+)(?P<series>[ _-]*obs\w*)?", re.I)
-_SAMPLE_FOLDER = re.compile(r"sample[ _-]*(\d+)", re.I)
+_DIGITS = r"(\d{1,18})(?!\d)"  # of a number in a name, which may be a date; all of them, within 64 bits
+_FABRIC_FOLDER = re.compile(rf"fabric[ _-]*{_DIGITS}(?P<series>[ _-]*obs\w*)?", re.I)
+_SAMPLE_FOLDER = re.compile(rf"sample[ _-]*{_DIGITS}", re.I)
 _IMAGE_FOLDER = re.compile(r"sil\w*", re.I)
 _MESH_FOLDER = re.compile(r"mesh\w*", re.I)
 _FABRIC = re.compile(rf"fabric[ _-]*{_DIGITS}", re.I)
@@ -123,20 +126,21 @@ def beside(root: Path, name: str) -> Path | None:
 
     Args:
         root: Folder of the data set, resolved.
-        name: File name of the table, in lower case; other cases are found too, as on file systems that know none.
+        name: File name of the table, in lower case. It and the folder's name are found in other cases too, as on file
+            systems that know none.
 
     Returns:
         Its path; None if there is none.
     """
-    places, top = [root, root / "data"], root
-    while top.name == "data" or any(pattern.fullmatch(top.name) for pattern in _HOMES):
+    places, top = [root, _in_any_case(root, _DATA)], root
+    while top.name.lower() == _DATA or any(pattern.fullmatch(top.name) for pattern in _HOMES):
         top = top.parent
         places.append(top)
-    return next((found for place in places if (found := _in_any_case(place, name))), None)
+    return next((found for place in places if place is not None and (found := _in_any_case(place, name))), None)
 
 
 def _in_any_case(place: Path, name: str) -> Path | None:
-    """A file of a folder, by its name in lower case."""
+    """A file or folder in a folder, by its name in lower case."""
     if os.path.lexists(place / name):
         return place / name
     with suppress(OSError):  # no such folder, or it may not be read

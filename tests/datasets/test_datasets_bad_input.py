@@ -174,6 +174,14 @@ def test_whole_levels_that_slightly_exceed_255_are_no_16_bit(tmp_path):
     assert np.abs(read_silhouette(tmp_path / "drape.tif") - DRAPE).max() < 0.004
 
 
+@pytest.mark.parametrize("white", [100_000, 2**31 - 1])
+def test_levels_beyond_16_bits_are_refused(tmp_path, white):
+    """All above 65535 was taken for white, and every rim lay half a pixel too far in."""
+    Image.fromarray(np.round(white * (1 - DRAPE)).astype(np.int32)).save(tmp_path / "drape.tif")
+    with pytest.raises(BadImage, match=rf"levels up to {white}, of which none is known to be white; .* 8 or 16 bits"):
+        read_silhouette(tmp_path / "drape.tif")
+
+
 @pytest.mark.parametrize("turn", [3, 6])
 def test_a_tiff_file_that_is_to_be_turned_is_refused(tmp_path, turn):
     """OpenCV turns it, and only it: the same picture as JPEG had another warp."""

@@ -94,6 +94,35 @@ def test_tables_may_begin_with_a_capital(toy):
     assert load(toy).protocol.cloth_radius_m == 0.145  # that name first, where both can be
 
 
+@pytest.mark.parametrize(("root", "tables"), [("Data", "."), ("Data", "Data"), (".", "Data"), ("Data/Fabric 7", ".")])
+def test_the_folder_of_the_data_may_begin_with_a_capital(toy, root, tables):
+    """Fabrics were found there, and the tables beside them were not: the release's scale and gravity were used."""
+    (toy / "data").rename(toy / "Data")
+    (toy / tables / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    (toy / tables / "protocol.json").write_text('{"cloth_radius_m": 0.14}')
+    dataset = load(toy / root)
+    assert dataset.require_density(0) == 0.2
+    assert dataset.protocol.cloth_radius_m == 0.14
+
+
+@pytest.mark.parametrize("folder", ["Fabric 1234567890123456789", "Fabric 8 Observations/Sample 1234567890123456789"])
+def test_a_folder_whose_number_has_more_than_18_digits_decides_nothing(toy, folder):
+    """Numbers beyond 64 bits ended exports and torch's loaders with a traceback."""
+    write_image(toy / "data" / folder / "silhouettes/Fabric_8_Sample_1_Obs_1.png", draw(toy_profile(8, 1, 1)))
+    index = load(toy).index
+    assert len(index) == 13
+    assert index[["fabric", "sample"]].to_numpy()[-1].tolist() == [8, 1]  # of the file's name, as in other folders
+
+
+def test_the_name_of_a_named_set_tells_the_face(toy):
+    """`captures` of the protocol did: a second drape that lay upward was said to lie downward."""
+    (toy / "protocol.json").write_text('{"captures": {"1": "up", "2": "down"}}')
+    for name in ("Upward_Drape_1", "Upward_Drape_2", "Downward_Drape_1"):
+        write_image(toy / f"bnn_image_gt/silk/sample_1_{name}.png", draw(toy_profile(8, 1, 1)))
+    index = load(toy).select(cloth="silk").index
+    assert dict(zip(index["capture"], index["side"], strict=True)) == {1: "up", 2: "up", 3: "down"}
+
+
 def test_samples_may_be_numbered_by_their_date(toy):
     for path in image_path(toy, 1, 1).parent.iterdir():
         path.rename(path.with_name(path.name.replace("Sample_", "Sample_2026112")))

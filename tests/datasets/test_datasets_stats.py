@@ -117,6 +117,22 @@ def test_planted_drift_over_time(tmp_path):
     assert np.isnan(found.mse_repeat)
 
 
+def test_drift_is_of_one_capture_and_a_mean_over_those_of_a_sample(tmp_path):
+    """The first picture of one face was taken for the beginning of the other's series."""
+    folder = tmp_path / "data/Fabric 7/silhouettes"
+    growths = {1: (0.0, -0.001, -0.002), 2: (0.0, -0.001), 3: (0.006,)}  # of the observations of each capture
+    for sample, (capture, growth) in product((1, 2, 3), growths.items()):
+        for number, grown in enumerate(growth, 1):
+            profile = Profile(toy_profile(7, sample, 1).radii + grown)
+            write_image(folder / f"Fabric_7_Sample_{sample}_Capture_{capture}_Obs_{number}.png", draw(profile))
+    (found,) = statistics(load(tmp_path))
+    mean_radius = np.mean([toy_profile(7, sample, 1).radii.mean() for sample in (1, 2, 3)])
+    expected = -2 * mean_radius * 0.001 / (0.15**2 - 0.09**2)
+    assert found.drift[2].mean == pytest.approx(expected, rel=0.03)
+    assert found.drift[3].mean == pytest.approx(2 * expected, rel=0.03)
+    assert [change.count for change in found.drift.values()] == [3, 3]  # samples, however many captures each has
+
+
 def test_planted_order_of_samples(tmp_path):
     """Samples of which later ones drape less; the second face, known of the first and last one alone, is far off."""
     root = write_toy(tmp_path, samples=6, meshes=False)

@@ -210,6 +210,15 @@ class TestCells:
             assert len(found) == len(told)
             assert all(words in detail for words, detail in zip(told, sorted(found), strict=True))
 
+    def test_a_cloth_without_shared_seeds_is_judged_as_a_whole(self, run):
+        """If other cloths shared theirs, it was said to be none of the baseline's, and its failures did not count."""
+        later = run.assign(seed=run["seed"] + 10 * (run["cloth"] == "c"))
+        assert not [finding for finding in check(later, run, Gate(METRICS)).findings if finding.metric == "cells"]
+        failed = (later["solver"] == "noisy") & (later["seed"] == 10)
+        later.loc[failed, ["status", *METRICS]] = ["failed", None, None]
+        (finding,) = check(later, run, Gate(METRICS)).regressions
+        assert "1 of 10 cells failed, 0 of 10 in the baseline" in finding.detail
+
     def test_other_data_or_settings_cannot_be_compared(self, run):
         old = run.assign(dataset_hash="abc", settings="one")
         with pytest.raises(LeaderboardError, match="dataset hash abc, got xyz"):

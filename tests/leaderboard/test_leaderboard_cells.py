@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from made_up_cells import DIFFICULTY, only, shown_by_command, write_cell, write_solver
 
+from cusick_bench.datasets.audit.limits import BEYOND, UNCOVERED
 from cusick_bench.leaderboard import (
     LeaderboardError,
     load_cells,
     markdown,
 )
+from cusick_bench.leaderboard.cells.plausible import implausible
 from cusick_bench.metrics.distributions.proper_scores import variogram_score
 from cusick_bench.runner import Store
 
@@ -76,7 +78,7 @@ def test_a_folder_without_finished_cells_says_why(tmp_path):
         ({"test_mse": float("nan")}, "NaN"),
         ({"test_mse": float("inf")}, "Infinity"),
         ({"test_hausdorff_m": -0.01}, "test_hausdorff_m must lie in [0, 10], got -0.01"),
-        ({"train_dc": 3.0}, "train_dc must lie in [-0.1, 1.1], got 3"),
+        ({"train_dc": 3.0}, "train_dc must lie in [-0.6, 2.5], got 3"),
         ({"test_iou": 1.01}, "test_iou must lie in [0, 1]"),
         ({"seed": -1}, "seed must be a whole number"),
     ],
@@ -92,6 +94,15 @@ def test_a_cell_that_says_what_no_cell_can_say_is_no_row(tmp_path, noise, change
     (skipped,) = document["skipped"]
     assert (skipped["path"], skipped["status"]) == (str(folder), "damaged")
     assert reason in skipped["reason"]
+
+
+@pytest.mark.parametrize(("plate", "cloth"), [(0.09, 0.12), (0.09, 0.15), (0.09, 0.18)])
+def test_drape_coefficients_of_all_silhouettes_that_are_used_are_plausible(plate, cloth):
+    """A scale that was 7 % off, and stiff cloth: the run was done, and its cells were damaged by its leaderboard."""
+    smallest, largest = UNCOVERED * plate, BEYOND * cloth
+    limits = [(radius**2 - plate**2) / (cloth**2 - plate**2) for radius in (smallest, largest)]
+    assert [implausible("train_dc_target", limit) for limit in limits] == ["", ""]
+    assert implausible("test_dc_error", limits[1] - limits[0]) == ""
 
 
 def test_a_fair_score_below_zero_is_one(tmp_path):

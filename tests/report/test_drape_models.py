@@ -1,6 +1,7 @@
 """Drapes of the page's viewer: what a reader of the JSON gets back, colours, and the room on a page."""
 
 import base64
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from cusick_bench.metrics import ruled_surface
 from cusick_bench.report.cell_view import CellView, load_cell_view
 from cusick_bench.report.run.drape_models import fitted_model, models_document, real_model, vertex_means
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.solvers.reference.silhouettes import silhouette
 
 FLAT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
 FACES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
@@ -47,6 +49,16 @@ def test_error_has_the_sign_and_size_of_the_outlines_difference(view):
     np.testing.assert_allclose(error.values[rim], expected[rim], atol=1.5)
     assert np.isnan(error.values[(np.hypot(x, y) < 0.085) & (z > -1e-4)]).all()
     assert error.limits[1] == -error.limits[0] > 10
+
+
+def test_an_outline_that_lies_outside_all_round_is_not_said_to_lie_inside(view):
+    """It was, with its least distance: from 4.9 mm (inside) to 5.1 mm (outside)."""
+    model = fitted_model("cotton_blue", "homo", "fit-0-0", replace(view, target=silhouette(radii(8) - 0.005)))
+    assert model is not None
+    words = model.colourings["error"].words
+    low, high = map(float, re.findall(r"[+-]\d+\.\d", words))
+    assert 4.5 < low < high < 5.5
+    assert "(inside)" not in words
 
 
 def test_a_vertex_without_a_value_has_the_byte_that_says_so(view):

@@ -1,7 +1,8 @@
 """Checks of a row: names must not be empty, and metrics must lie within the limits that their meaning sets.
 
-A mean squared error of coverages lies in [0, 1], a distance is not negative, a drape coefficient is a share of an
-area. A number outside is a fault of a file or of a program, never a score, and would rank first.
+A mean squared error of coverages lies in [0, 1], a distance is not negative, a drape coefficient is no further outside
+[0, 1] than a silhouette may be that `cusick_bench.datasets.impossible` lets pass. A number outside is a fault of a file
+or of a program, never a score, and would rank first.
 """
 
 import re
@@ -11,13 +12,17 @@ from typing import Any
 _NOWHERE = ("", "nan", "none", "null", "undefined")
 _SLACK = 1e-9  # of rounding, beyond a limit
 _TALLEST = 10.0  # [m]: no drape is larger
+_LEAST_DC, _MOST_DC = -0.6, 2.5
+"""Limits of a drape coefficient by a scale that may be wrong. Silhouettes are used that hold a circle of .75 of the
+plate and reach to 1.2 of the flat cloth: -.56 to 2.01 for the standard's cloth of 24 cm. A whole picture of the release
+has 2.2, by `--force`."""
 _LIMITS = tuple(
     (re.compile(pattern), low, high)
     for pattern, low, high in (
         (r"(^|_)mse($|_)|_iou($|_)|_cover_\d+$|_p$", 0.0, 1.0),
         (r"_m$", 0.0, _TALLEST),
-        (r"_dc(_target)?$", -0.1, 1.1),  # of the ring beyond the plate; camera and rim blur it a little
-        (r"_dc_(error|crps)$", 0.0, 1.2),
+        (r"_dc(_target)?$", _LEAST_DC, _MOST_DC),
+        (r"_dc_(error|crps)$", 0.0, _MOST_DC - _LEAST_DC),
         (r"_folds($|_)", 0.0, 180.0),  # a fold a degree and a valley between them
         (r"energy_distance|variogram_score", -10.0, inf),  # unbiased, so that they may lie a little below 0
         (r"^spent_|^draws$|_score$|_bias$", 0.0, inf),

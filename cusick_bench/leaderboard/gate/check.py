@@ -17,6 +17,7 @@ import pandas as pd
 from scipy import stats
 
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, repeats
+from cusick_bench.leaderboard.cells.cell_number import split_of
 from cusick_bench.leaderboard.cells.variants import values_in_words
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
@@ -246,13 +247,26 @@ def _cloths_lost(run: pd.DataFrame, baseline: pd.DataFrame, solver: str) -> Iter
 
 
 def _in_common(run: pd.DataFrame, baseline: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The cells of a solver that both tables have; where they share no seed, those of shared cloths."""
+    """The cells of a solver that both tables have, paired as `paired.blocks` pairs them: by cloth, split and seed; of a
+    split of which they share no seed, by cloth and split; of a cloth of which they share no split, by cloth.
+    """
     now, then = (list(zip(table["cloth"], repeats(table), strict=True)) for table in (run, baseline))
-    shared = set(now) & set(then)
-    if not shared:
-        now, then = list(run["cloth"]), list(baseline["cloth"])
-        shared = set(now) & set(then)
-    return run.loc[[cell in shared for cell in now]], baseline.loc[[cell in shared for cell in then]]
+    cells = set(now) & set(then)
+    splits = set(map(_split, now)) & set(map(_split, then))
+    cloths = set(run["cloth"]) & set(baseline["cloth"])
+    with_seeds, with_splits = set(map(_split, cells)), {cloth for cloth, _ in splits}
+
+    def common(cell: tuple[str, int]) -> bool:
+        if _split(cell) in with_seeds:
+            return cell in cells
+        return _split(cell) in splits if cell[0] in with_splits else cell[0] in cloths
+
+    return run.loc[list(map(common, now))], baseline.loc[list(map(common, then))]
+
+
+def _split(cell: tuple[str, int]) -> tuple[str, int]:
+    """Cloth of a cell, and number of its split."""
+    return cell[0], split_of(cell[1])
 
 
 def _cells_new(run: pd.DataFrame, common: pd.DataFrame, solver: str) -> Iterator[Finding]:

@@ -152,7 +152,7 @@ def _outline_error(view: CellView) -> Colouring:
     values = np.where(beside, at, np.nan)
     most = max(float(np.abs(error).max()), 0.1)
     words = (
-        f"Outline against the real one: from {error.min():.1f} mm (inside) to {error.max():+.1f} mm (outside), "
+        f"Outline against the real one: from {error.min():+.1f} to {error.max():+.1f} mm (outside is above 0), "
         f"root mean square {np.sqrt(np.mean(error**2)):.1f} mm."
     )
     ends = (f"{most:.1f} mm inside", f"{most:.1f} mm outside the real outline")

@@ -146,6 +146,7 @@ def _shapes() -> dict[str, tuple[ndarray, str]]:
 def _refused() -> dict[str, tuple[str, bytes, str]]:
     whole, photo = encoded("PNG"), encoded("JPEG", quality=95)
     bomb = png(256, 256, body=b"\0" * (64 << 20))
+    deep = Image.fromarray(GREY.astype(np.int32) * 2**23)
     damaged = whole[:600] + bytes(byte ^ 0x55 for byte in whole[600:700]) + whole[700:]
     return {
         "empty file": ("png", b"", "cannot be decoded"),
@@ -178,6 +179,7 @@ def _refused() -> dict[str, tuple[str, bytes, str]]:
         "TIFF with transparency": ("tif", encoded("TIFF", _alpha("RGBA")), "with transparency"),
         "TIFF of two pages": ("tif", _animated("TIFF"), "pages|frames|pictures"),
         "animated PNG": ("png", _animated("PNG"), "frames|pictures|pages"),
+        "TIFF of 32 bits": ("tif", encoded("TIFF", deep), "none is known to be white"),
     }
 
 
