@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+import nlopt
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -32,6 +33,8 @@ from cusick_bench.solvers.registry import make_solver, registered
 SOLVERS = [name for name, solver in registered().items() if solver.kind == "solver" and not solver.needs_mesh]
 NULLS = [name for name, solver in registered().items() if solver.kind == "null"]
 ORACLES = [name for name, solver in registered().items() if solver.kind == "oracle"]
+NLOPT = [name for name in dir(nlopt) if name[:3] in ("LD_", "LN_", "GD_", "GN_")]
+UNUSABLE = ("AUGLAG", "AUGLAG_EQ", "MLSL", "MLSL_LDS", "STOGO", "STOGO_RAND", "AGS", "LBFGS_NOCEDAL", "NEWUOA")
 
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -196,8 +199,17 @@ class TestRegistry:
         with pytest.raises(SolverError, match="second optimiser"):
             make_solver("nlopt:LD_AUGLAG")
 
-    def test_any_other_nlopt_algorithm_works(self):
-        assert make_solver("nlopt:LN_NELDERMEAD").name == "nlopt:LN_NELDERMEAD"
+    @pytest.mark.parametrize("algorithm", [name for name in NLOPT if not name.endswith(UNUSABLE)])
+    def test_any_other_nlopt_algorithm_ends_with_its_budget(self, algorithm):
+        problem = toy_problem(budget=Budget(9))
+        answer = make_solver(f"nlopt:{algorithm}").solve(problem, np.random.default_rng(0))
+        assert 1 < problem.meter.forward_equivalents <= 9
+        assert np.abs(answer.tau).max() <= problem.bounds[1].max()
+
+    @pytest.mark.parametrize("algorithm", ["GD_STOGO", "GD_STOGO_RAND", "GN_AGS", "LD_LBFGS_NOCEDAL", "LN_NEWUOA"])
+    def test_nlopt_algorithms_that_do_not_end_or_leave_the_box_are_refused(self, algorithm):
+        with pytest.raises(SolverError, match=rf"{algorithm} cannot be used: it .*use one of .*LN_BOBYQA"):
+            make_solver(f"nlopt:{algorithm}")
 
     def test_options_in_the_name(self):
         assert make_solver("null:random-phase,draws=7").options == {"draws": 7}
