@@ -222,10 +222,21 @@ class TestRegistry:
         "nlopt:LN_BOBYQA,step=0.0", "nlopt:LN_BOBYQA,search=-3", "homo,search=-3",
         "homo,adam_rate=0", "homo,adam_steps=-1", "heter,length=0", "turbo,candidates=0", "baxus,candidates=0",
         "hesbo,embedded=0", "rembo,embedded=0", "bdp,search=-1", "bdp-field,search=-1",
+        "equilibrium-gap,position_error=0", "equilibrium-gap,force_error=-1.0", "equilibrium-gap,rest_height=-1.0",
+        "equilibrium-gap,unevenness=-0.1",
     ])  # fmt: skip
     def test_options_out_of_bounds_are_refused(self, text):
         with pytest.raises(SolverError, match="must be >"):
             make_solver(text)
+
+    @pytest.mark.parametrize("text", ["null:rotation,draws=0", "null:random-phase,draws=100001"])
+    def test_reference_rows_of_no_draws_or_too_many_are_refused(self, text):
+        with pytest.raises(SolverError, match="draws must be from 1 to 100000"):
+            make_solver(text)
+
+    def test_an_option_of_few_values_names_them(self):
+        with pytest.raises(SolverError, match="option pace of bdp-field must be one of steady, brisk, got 'fast'"):
+            make_solver("bdp-field,pace=fast")
 
     def test_other_packages_register_theirs(self, monkeypatch):
         @dataclass(frozen=True)
