@@ -51,6 +51,19 @@ class Incumbent:
         self._keep(tau, loss)
         return min(loss, PENALTY)
 
+    def value_as_laid(self, tau: Vector) -> float:
+        """Loss at tau of a drape that starts from the cloth as laid down, PENALTY where it fails.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            The loss.
+        """
+        loss = self.problem.evaluate_as_laid(tau)
+        self._keep(tau, loss)
+        return min(loss, PENALTY)
+
     def value_and_gradient(self, tau: Vector) -> tuple[float, Vector]:
         """Loss and gradient at tau, (PENALTY, 0) where the drape fails.
 

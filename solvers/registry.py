@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import MISSING, fields
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
@@ -183,8 +183,9 @@ def _checked(cls: type[Solver], option: str, value: Any) -> Any:
     except PydanticSchemaGenerationError:  # a type of another package, which its solver has to check
         return value
     except ValidationError as error:
-        kind_name = getattr(kind, "__name__", str(kind))
-        raise SolverError(f"option {option} of {cls.name} must be {kind_name}, got {str(value)[:60]!r}") from error
+        choices = ", ".join(map(str, get_args(kind))) if get_origin(kind) is Literal else ""
+        words = f"one of {choices}" if choices else getattr(kind, "__name__", str(kind))
+        raise SolverError(f"option {option} of {cls.name} must be {words}, got {str(value)[:60]!r}") from error
     if isinstance(value, float) and not math.isfinite(value):
         raise SolverError(f"option {option} of {cls.name} must be finite, got {value}")
     return value

@@ -12,6 +12,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -204,6 +205,9 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
             message, cause = f"{what}{_of_file(error, ' ({})')}; choose another folder or free some space", error
         except MemoryError as error:
             message, cause = f"not enough memory ({error}); take fewer vertices, draws, samples or workers", error
+        except BrokenExecutor as error:
+            message = "a worker process was killed, probably out of memory; repeat the command with fewer --workers"
+            cause = error
         fail(message)
         raise typer.Exit(2) from cause
 

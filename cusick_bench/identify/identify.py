@@ -35,9 +35,10 @@ from cusick_bench.identify.page import write_page
 from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next, left_out_notes
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
-from cusick_bench.runner import Source, Watcher, load_once
+from cusick_bench.runner import Source, Watcher
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.numerics import diagnosis_numerics
+from cusick_bench.runner.source import load_afresh
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.solvers.registry import make_solver
@@ -221,7 +222,7 @@ def begin(
     load_atlas(atlas)
     data, preparation = as_data_set(given, workspace, text or SettingText(), image_size, photographs, prepared)
     source = Source(data)
-    dataset = load_once(source)
+    dataset = load_afresh(source)
     unknown = [name for name in options.cloths if name not in dataset.cloths]
     if unknown:
         raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"use one of {', '.join(dataset.cloths)}")

@@ -159,6 +159,27 @@ class DrapeProblem:
         """
         return float(self.evaluate_batch(np.asarray(tau)[None])[0])
 
+    def evaluate_as_laid(self, tau: Vector) -> float:
+        """As `evaluate`, but the drape starts from the cloth as laid down, whatever was followed before.
+
+        For a specimen with folds of its own; later drapes start from it if it is the best one so far.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+
+        Returns:
+            The loss; inf where the drape fails.
+
+        Raises:
+            BudgetExceeded: The budget does not allow for another drape.
+            ProblemError: tau has a wrong length or holds NaN or infinity.
+        """
+        begun = FollowedBranch(self._branch.loss)
+        loss = replace(self, _branch=begun).evaluate(tau)
+        if begun.vertices is not None:
+            self._branch.loss, self._branch.vertices = begun.loss, begun.vertices
+        return loss
+
     def evaluate_and_gradient(self, tau: Vector) -> tuple[float, Vector]:
         """As `evaluate`, with the gradient of the loss by the adjoint.
 

@@ -12,7 +12,7 @@ from cusick_bench.problem.metering.journal import Entry
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.engine.statics.branch import follow
 
-NUMERICS_VERSION = 1  # raised when drapes start from other shapes in mode `equilibrium`: see runner/numerics.py
+NUMERICS_VERSION = 2  # raised when drapes start from other shapes in mode `equilibrium`: see runner/numerics.py
 
 
 @dataclass

@@ -20,7 +20,7 @@ from cusick_bench.runner.executors.turns import Turns
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.results import Results
-from cusick_bench.runner.source import Source, load_once
+from cusick_bench.runner.source import Source, load_once, load_planned
 from cusick_bench.runner.store import Store, disk_errors, locked, read_json, write_json
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
@@ -57,13 +57,16 @@ def run(
         the sample, where samples are left out in turn.
 
     Raises:
-        DataError: Without `force`, a silhouette of the cells that no cloth on the plate can show.
+        DataError: Without `force`, a silhouette of the cells that no cloth on the plate can show; or the data have
+            changed since the cells were planned.
         RunnerError: `out` cannot be written; finished cells are kept.
     """
     if workers < 1:
         raise RunnerError(f"workers must be >= 1, got {workers}")
     store, watcher = Store(out), watcher or Unwatched()
     dataset = load_once(source)
+    for planned in sorted({cell.dataset_hash for cell in cells}):
+        dataset = load_planned(source, planned)
     forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
     store.prepare()
     with disk_errors(out), locked(out):

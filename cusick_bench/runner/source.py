@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from cusick_bench.datasets import REGISTRY, DrapeDataset, load
+from cusick_bench.datasets.errors import DataError
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,47 @@ def load_once(source: Source) -> DrapeDataset:
     """
     anywhere = source.data in REGISTRY and source.fabrics_csv is None
     return _loaded(source, "" if anywhere else os.getcwd())
+
+
+def load_afresh(source: Source) -> DrapeDataset:
+    """The data set of a source as it is now, whatever this process has loaded before.
+
+    Args:
+        source: Where it comes from.
+
+    Returns:
+        The data set, which `load_once` gives from now on.
+
+    Raises:
+        DataError: It cannot be loaded.
+    """
+    _loaded.cache_clear()
+    return load_once(source)
+
+
+def load_planned(source: Source, dataset_hash: str) -> DrapeDataset:
+    """The data set that cells were planned for; loaded again where this process has kept an earlier state of it.
+
+    Args:
+        source: Where it comes from.
+        dataset_hash: Its content hash, from the cells.
+
+    Returns:
+        The data set, the same object for every cell of a process.
+
+    Raises:
+        DataError: It cannot be loaded, or is another one by now.
+    """
+    dataset = load_once(source)
+    if dataset.content_hash != dataset_hash:
+        dataset = load_afresh(source)
+    if dataset.content_hash != dataset_hash:
+        raise DataError(
+            f"the data {source.data} are not those that the cells were planned for: files, weights or protocol have "
+            "changed since",
+            remedy="repeat the command, which plans anew",
+        )
+    return dataset
 
 
 @lru_cache(maxsize=1)  # a data set is frozen, and its files are taken not to change while a grid runs

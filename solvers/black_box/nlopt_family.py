@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
 
 
-# The nine algorithms of the benchmark; any other one of NLopt that needs no second optimiser works as well.
+# The nine algorithms of the benchmark; any other one of NLopt works as well, unless it is named below.
 BENCHMARKED = (
     "LD_LBFGS",
     "LD_MMA",
@@ -50,7 +50,14 @@ BENCHMARKED = (
     "GN_CRS2_LM",
     "GN_ESCH",
 )
-_NEEDS_ANOTHER = ("AUGLAG", "MLSL")
+# Algorithms that cannot be used here, by what follows LD_, LN_, GD_ or GN_ in their name, and why.
+_UNUSABLE = {
+    **dict.fromkeys(("AUGLAG", "AUGLAG_EQ", "MLSL", "MLSL_LDS"), "needs a second optimiser"),
+    **dict.fromkeys(("STOGO", "STOGO_RAND"), "does not stop where the budget ends"),
+    "AGS": "takes at most 10 numbers, fewer than a stiffness table has",
+    "LBFGS_NOCEDAL": "is not in NLopt's library",
+    "NEWUOA": "leaves the problem's box, in which LN_NEWUOA_BOUND stays",
+}
 # Algorithms that keep a quadratic model, a simplex or a population whose size grows with the dimension.
 _DENSE = ("BOBYQA", "NEWUOA", "COBYLA", "NELDERMEAD", "PRAXIS", "SLSQP", "CRS2", "ISRES")
 _MOST_DENSE = 2000  # numbers: 32 MB a table, and half a minute a step of LD_SLSQP, whose work grows with the cube
@@ -159,11 +166,7 @@ def _solver_of(algorithm: str) -> type[Solver]:
 
 
 _ALGORITHMS = tuple(name for name in dir(nlopt) if name[:3] in ("LD_", "LN_", "GD_", "GN_"))
-_SOLVERS = {
-    algorithm: _solver_of(algorithm)
-    for algorithm in _ALGORITHMS
-    if not any(word in algorithm for word in _NEEDS_ANOTHER)
-}
+_SOLVERS = {algorithm: _solver_of(algorithm) for algorithm in _ALGORITHMS if algorithm[3:] not in _UNUSABLE}
 
 
 def nlopt_solver(algorithm: str) -> type[Solver]:
@@ -176,11 +179,13 @@ def nlopt_solver(algorithm: str) -> type[Solver]:
         A subclass of `NloptSolver`.
 
     Raises:
-        SolverError: NLopt has no such algorithm, or it needs a second optimiser.
+        SolverError: NLopt has no such algorithm, or it cannot be used here.
     """
     if algorithm not in _ALGORITHMS:
-        hint = did_you_mean(algorithm, _ALGORITHMS)
-        raise SolverError(f"NLopt has no algorithm {algorithm!r}; {hint}it has {', '.join(_ALGORITHMS)}")
+        hint = did_you_mean(algorithm, _SOLVERS)
+        raise SolverError(f"NLopt has no algorithm {algorithm!r}; {hint}use one of {', '.join(_SOLVERS)}")
     if algorithm not in _SOLVERS:
-        raise SolverError(f"{algorithm} needs a second optimiser; use one of {', '.join(BENCHMARKED)}")
+        raise SolverError(
+            f"NLopt's {algorithm} cannot be used: it {_UNUSABLE[algorithm[3:]]}; use one of {', '.join(_SOLVERS)}"
+        )
     return _SOLVERS[algorithm]

@@ -22,7 +22,15 @@ from jaxtyping import Float
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.base import (
+    Prediction,
+    Progress,
+    Solver,
+    SolverError,
+    prediction_at,
+    require_at_least,
+    require_positive,
+)
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem, TrainMesh
@@ -101,6 +109,10 @@ class EquilibriumGap(Solver):
     space: ClassVar[str | None] = "homo"
     needs_mesh: ClassVar[bool] = True
     version: ClassVar[int] = 2  # 2: rest shapes count in the free half of hinges on a clamp
+
+    def __post_init__(self) -> None:
+        require_positive(self, "position_error", "force_error")
+        require_at_least(self, 0, "rest_height", "unevenness")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         from cusick_bench.solvers.convex.force_balance import Errors, balance

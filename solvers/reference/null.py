@@ -100,6 +100,9 @@ class NullRotation(Null):
     name: ClassVar[str] = "null:rotation"
     summary: ClassVar[str] = "the training image turned through 360 degrees; its best draw is oracle-assisted"
 
+    def __post_init__(self) -> None:
+        _require_draws(self.draws)
+
     @property
     def remark(self) -> str:
         if self.draws <= PROFILE_ANGLES:
@@ -113,7 +116,7 @@ class NullRotation(Null):
         self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
     ) -> Images:
         profile = profile_of(image, problem.protocol)
-        angles = np.arange(_positive(self.draws)) * (360 / self.draws)
+        angles = np.arange(self.draws) * (360 / self.draws)
         canvas = Canvas.of(len(profile.radii), problem.protocol)
         turned = (canvas.silhouette(profile.rotated(angle).radii) for angle in angles)
         return _stack(turned, self.draws, problem, progress)
@@ -131,12 +134,15 @@ class NullRandomPhase(Null):
     name: ClassVar[str] = "null:random-phase"
     summary: ClassVar[str] = "the training profile's Fourier amplitudes with random phases"
 
+    def __post_init__(self) -> None:
+        _require_draws(self.draws)
+
     def _silhouettes(
         self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
     ) -> Images:
         radii = profile_of(image, problem.protocol).radii
         amplitude = np.abs(np.fft.rfft(radii))
-        phase = generator.uniform(0, 2 * np.pi, (_positive(self.draws), len(amplitude)))
+        phase = generator.uniform(0, 2 * np.pi, (self.draws, len(amplitude)))
         phase[:, 0] = 0  # the mean radius stays
         profiles = np.fft.irfft(amplitude * np.exp(1j * phase), len(radii))
         canvas = Canvas.of(len(radii), problem.protocol)
@@ -148,10 +154,9 @@ _MOST_DRAWS = 100_000
 """Largest number of draws: so many pictures take 26 GB, and a larger number is probably a typing error."""
 
 
-def _positive(draws: int) -> int:
+def _require_draws(draws: int) -> None:
     if not 1 <= draws <= _MOST_DRAWS:
         raise SolverError(f"draws must be from 1 to {_MOST_DRAWS}, got {draws}")
-    return draws
 
 
 def _stack(images, count: int, problem: DrapeProblem, progress: Progress) -> np.ndarray:

@@ -124,7 +124,8 @@ class BdpField(Solver):
             except BudgetExceeded:
                 pass
         nearest = min(incumbent, inference.seen, key=lambda one: one.loss)  # a draw, where the fit found no time
-        best = prediction_at(problem, nearest.tau, finished=finished)
+        laid = replace(problem, follow=False) if nearest is inference.seen else problem
+        best = prediction_at(laid, nearest.tau, finished=finished)
         posterior = {"cloths": inference.cloths, "seed": np.array(seed)}
         if len(inference.faces) == 1:
             seen = predictive_draws(paced, lambda index: self.redraw(problem, posterior, index), self.draws, progress)
@@ -174,7 +175,7 @@ class BdpField(Solver):
         tau = np.zeros(space.dimension)
         tau[: len(cloth)] = cloth
         tau[space.weights("laying")] = space.laid_like(_undulation(incumbent.problem))
-        incumbent.value(tau)
+        incumbent.value_as_laid(tau)
         if self.refinement:
             rounds(incumbent, steps=self.refinement, rate=self.rate, iterations=2 * self.refinement)
 

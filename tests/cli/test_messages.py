@@ -18,6 +18,7 @@ from cusick_bench.cli import app
 from cusick_bench.cli.common import user_errors
 from cusick_bench.cli.verbosity import PACKAGE, messages, tell_less, tell_more
 from cusick_bench.leaderboard.text import typed
+from cusick_bench.runner.processes import process_pool
 
 ESCAPE = "\x1b[2J"
 
@@ -179,6 +180,22 @@ def test_an_error_without_a_file_names_none(capsys):
     with pytest.raises(typer.Exit):
         full()
     assert capsys.readouterr().err == "error: No space left on device; choose another folder or free some space\n"
+
+
+def test_a_worker_that_is_killed_is_told_in_one_line(capsys):
+    """As the system kills one that takes too much memory, in commands whose workers run no cells."""
+
+    @user_errors
+    def calibrate() -> None:
+        with process_pool(1) as pool:
+            pool.submit(os._exit, 9).result()
+
+    with pytest.raises(typer.Exit) as ended:
+        calibrate()
+    assert ended.value.exit_code == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: a worker process was killed, probably out of memory")
+    assert told.endswith("fewer --workers\n")
 
 
 def test_a_warning_is_shown_once_a_command(capsys):

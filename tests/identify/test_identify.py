@@ -22,6 +22,7 @@ from cusick_bench.identify.data import as_data_set, holds_photographs
 from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
+from cusick_bench.identify.identify import begin
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next, left_out_notes
 from cusick_bench.identify.workspace import Workspace, digests
@@ -219,6 +220,19 @@ def test_what_is_finished_is_not_made_again(answer, lab, out, atlas):
     other = identify(lab, "--out", out, "--atlas", atlas, *CHEAP, "--seed", "1", "--cloth", "fabric_2")
     assert other.exit_code == 0, other.output
     assert len([*out.glob("run/cells/*/done")]) == 3
+
+
+def test_a_weight_that_is_added_counts_in_the_same_process(lab, tmp_path):
+    copy = shutil.copytree(lab, tmp_path / "lab")
+
+    def planned() -> tuple[list[str], list[str]]:
+        plan = plan_fits(begin(str(copy), tmp_path / "out", Options()).dataset, ["fabric_3"], Options())
+        return list(plan.cells), list(plan.missing)
+
+    assert planned() == ([], ["fabric_3"])
+    with (copy / "fabrics.csv").open("a") as table:
+        table.write("fabric_3,0.18,\n")
+    assert planned() == (["fabric_3"], [])
 
 
 def test_a_damaged_diagnosis_is_made_anew(lab, atlas, tmp_path):

@@ -81,6 +81,18 @@ class TestEvaluation:
         assert len(dropped) == fit + 1
         assert not problem.meter.trace[-1].jumped
 
+    def test_a_specimen_may_be_laid_down_whatever_was_followed(self):
+        """Its own folds count, and as the best drape so far it is followed from then on."""
+        problem = toy_problem(space="field", mode="equilibrium", bending=0.3, vertices=150)
+        flat = problem.space.bending_level(0.3)
+        folded = flat.copy()
+        folded[problem.space.weights("laying")] = np.random.default_rng(6).standard_normal(300)
+        followed, own = problem.evaluate(flat), replace(problem, follow=False).evaluate(folded)
+        assert own < 0.9 * followed
+        assert problem.evaluate(folded) == pytest.approx(followed, rel=1e-9)
+        assert problem.evaluate_as_laid(folded) == own
+        assert problem.evaluate(flat) == pytest.approx(own, rel=1e-6)
+
     def test_drapes_of_meshes_of_any_size_are_journalled(self, monkeypatch, tmp_path):
         """A resumed run is fed with them; gradients that are too long are their solver's matter."""
         monkeypatch.setattr("cusick_bench.problem.metering.journal.LONGEST", 10)

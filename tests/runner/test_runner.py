@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
+from cusick_bench.datasets.errors import DataError
 from cusick_bench.problem import Budget, ProblemError
 from cusick_bench.runner import (
     Cell,
@@ -33,6 +34,7 @@ from cusick_bench.runner import (
     shard,
 )
 from cusick_bench.runner.environment import code_state, code_text
+from cusick_bench.runner.executors.pool import work
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.effects.boundary.plate_tilt import PlateTilt
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -213,6 +215,26 @@ class TestCells:
         assert record["command"] == ["cusick-bench", "run"]
         assert record["dataset_hash"] == load(data).content_hash
         assert record["numerics"] == result["numerics"] == json.loads((folder / "cell.json").read_text())["numerics"]
+
+    def test_data_that_were_changed_between_two_grids_of_one_process_are_read_again(self, data, tmp_path):
+        lab = shutil.copytree(data, tmp_path / "lab")
+        (first,), _ = _run(lab, tmp_path / "out", ["sobol"])
+        table = lab / "fabrics.csv"
+        table.write_text(table.read_text().replace(f",{DENSITY},", ",0.3,"))
+        (second,), (result,) = _run(lab, tmp_path / "out", ["sobol"])
+        assert (result["status"], first.key == second.key) == ("done", False)
+        assert load_prediction(tmp_path / "out" / "cells" / second.key)["density"] == pytest.approx(0.3)
+        assert json.loads((tmp_path / "out" / "run.json").read_text())["dataset_hash"] == second.dataset_hash
+
+    def test_data_that_were_changed_after_the_cells_were_planned_are_refused(self, data, tmp_path):
+        lab = shutil.copytree(data, tmp_path / "lab")
+        cells = plan(load(lab), solvers=["sobol"], cloths=["fabric_1"], settings=SMALL)
+        table = lab / "fabrics.csv"
+        table.write_text(table.read_text().replace(f",{DENSITY},", ",0.3,"))
+        with pytest.raises(DataError, match=r"are not those that the cells were planned for.*repeat the command"):
+            run(Source(str(lab)), cells, tmp_path / "out")
+        with pytest.raises(DataError, match="planned for"):
+            work(Source(str(lab)), cells[0], tmp_path / "out")
 
     def test_the_commit_is_recorded_and_not_keyed(self, data, tmp_path, monkeypatch):
         """An edit that changes no number, such as of a docstring, throws no finished work away."""

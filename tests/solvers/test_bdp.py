@@ -253,6 +253,17 @@ class TestLearning:
             )
         assert np.corrcoef(*laid)[0, 1] > 0.98
 
+    @pytest.mark.parametrize(("budget", "fitted"), [(22, False), (25, True)])
+    def test_bdp_field_at_rest_fits_the_best_drape_that_it_has_met(self, budget, fitted):
+        """Every specimen has folds of its own, those that were drawn and that of the fit, which has the image's."""
+        problem = toy_problem(space="field", mode="equilibrium", bending=0.3, vertices=150, budget=Budget(budget))
+        answer = _solve("bdp-field,draws=1,first=20,rounds=0,search=3,refinement=0", problem)
+        searched, specimen = problem.meter.trace[:3], [one for one in problem.meter.trace if one.kind == "loss"]
+        assert (answer.finished, len(specimen)) == (fitted, int(fitted))
+        assert all(one.loss < 0.95 * min(other.loss for other in searched) for one in specimen)
+        squared = np.square(answer.train_image - problem.train_image).mean()
+        assert squared == pytest.approx(problem.meter.best_loss, rel=1e-6)
+
     def test_bdp_field_says_what_it_knows_of_the_stiffness_so_far(self):
         """From the search of the level on, long before it has ended: median and 90 % interval."""
         said = []

@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+import nlopt
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -32,6 +33,8 @@ from cusick_bench.solvers.registry import make_solver, registered
 SOLVERS = [name for name, solver in registered().items() if solver.kind == "solver" and not solver.needs_mesh]
 NULLS = [name for name, solver in registered().items() if solver.kind == "null"]
 ORACLES = [name for name, solver in registered().items() if solver.kind == "oracle"]
+NLOPT = [name for name in dir(nlopt) if name[:3] in ("LD_", "LN_", "GD_", "GN_")]
+UNUSABLE = ("AUGLAG", "AUGLAG_EQ", "MLSL", "MLSL_LDS", "STOGO", "STOGO_RAND", "AGS", "LBFGS_NOCEDAL", "NEWUOA")
 
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -196,8 +199,17 @@ class TestRegistry:
         with pytest.raises(SolverError, match="second optimiser"):
             make_solver("nlopt:LD_AUGLAG")
 
-    def test_any_other_nlopt_algorithm_works(self):
-        assert make_solver("nlopt:LN_NELDERMEAD").name == "nlopt:LN_NELDERMEAD"
+    @pytest.mark.parametrize("algorithm", [name for name in NLOPT if not name.endswith(UNUSABLE)])
+    def test_any_other_nlopt_algorithm_ends_with_its_budget(self, algorithm):
+        problem = toy_problem(budget=Budget(9))
+        answer = make_solver(f"nlopt:{algorithm}").solve(problem, np.random.default_rng(0))
+        assert 1 < problem.meter.forward_equivalents <= 9
+        assert np.abs(answer.tau).max() <= problem.bounds[1].max()
+
+    @pytest.mark.parametrize("algorithm", ["GD_STOGO", "GD_STOGO_RAND", "GN_AGS", "LD_LBFGS_NOCEDAL", "LN_NEWUOA"])
+    def test_nlopt_algorithms_that_do_not_end_or_leave_the_box_are_refused(self, algorithm):
+        with pytest.raises(SolverError, match=rf"{algorithm} cannot be used: it .*use one of .*LN_BOBYQA"):
+            make_solver(f"nlopt:{algorithm}")
 
     def test_options_in_the_name(self):
         assert make_solver("null:random-phase,draws=7").options == {"draws": 7}
@@ -210,10 +222,21 @@ class TestRegistry:
         "nlopt:LN_BOBYQA,step=0.0", "nlopt:LN_BOBYQA,search=-3", "homo,search=-3",
         "homo,adam_rate=0", "homo,adam_steps=-1", "heter,length=0", "turbo,candidates=0", "baxus,candidates=0",
         "hesbo,embedded=0", "rembo,embedded=0", "bdp,search=-1", "bdp-field,search=-1",
+        "equilibrium-gap,position_error=0", "equilibrium-gap,force_error=-1.0", "equilibrium-gap,rest_height=-1.0",
+        "equilibrium-gap,unevenness=-0.1",
     ])  # fmt: skip
     def test_options_out_of_bounds_are_refused(self, text):
         with pytest.raises(SolverError, match="must be >"):
             make_solver(text)
+
+    @pytest.mark.parametrize("text", ["null:rotation,draws=0", "null:random-phase,draws=100001"])
+    def test_reference_rows_of_no_draws_or_too_many_are_refused(self, text):
+        with pytest.raises(SolverError, match="draws must be from 1 to 100000"):
+            make_solver(text)
+
+    def test_an_option_of_few_values_names_them(self):
+        with pytest.raises(SolverError, match="option pace of bdp-field must be one of steady, brisk, got 'fast'"):
+            make_solver("bdp-field,pace=fast")
 
     def test_other_packages_register_theirs(self, monkeypatch):
         @dataclass(frozen=True)

@@ -19,7 +19,7 @@ def solvers(
 ) -> None:
     """List the registered solvers with their options and references.
 
-    Options are set in the name: --solver null:random-phase,draws=100. Any NLopt algorithm works as nlopt:NAME.
+    Options are set in the name: --solver null:random-phase,draws=100. NLopt's other algorithms work as nlopt:NAME.
     """
     from cusick_bench.solvers.registry import default_options, registered
 

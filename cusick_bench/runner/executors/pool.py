@@ -18,7 +18,7 @@ from cusick_bench.runner.executors.turns import Turns
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.progress import Watcher
-from cusick_bench.runner.source import Source, load_once
+from cusick_bench.runner.source import Source, load_planned
 from cusick_bench.runner.store import Store
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
@@ -55,7 +55,7 @@ class _Worker:
                 self.messages.put((cell, fraction, loss, message))
 
         with self.one:
-            dataset, store = load_once(source), Store(out)
+            dataset, store = load_planned(source, cell.dataset_hash), Store(out)
             if not store.is_done(cell.key):
                 self.warm_up.before(dataset, cell)
             return run_cell(dataset, cell, store, report, self.simulators)
