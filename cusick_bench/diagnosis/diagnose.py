@@ -39,6 +39,7 @@ from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
 from cusick_bench.sim.setup import Simulators
 
 _SEED = 20
+_MOST_EXCHANGES = 2  # look-alikes that are simulated, too: each takes half as long as the named set
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,24 +159,26 @@ def diagnose(
     drifting = [one for one in evidence.causes if acts_later(one.hypothesis.effect)]
     if drifting:
         notes.append("the gap compares drapes, not their drift from picture to picture: creep takes no part in closure")
+    stand_ins = _likelier_for_all(look_alikes or {}, of_laboratory, sets.posterior.effects)
+    acts = _acting(of_laboratory, sets.posterior.effects)
     simulated = None
     if chosen.samples and (evidence.causes or chosen.always):
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
         turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
         simulated = closures(
             turned, evidence.samples, sets.residual, [evidence.causes], draping,
+            look_alikes=_exchanges(found.groups, evidence.causes, {**evidence.best, **stand_ins}, acts),
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)
     shown = FacesShown(evidence.features.single, captures.warp_seen_down)
-    stand_ins = _likelier_for_all(look_alikes or {}, of_laboratory, sets.posterior.effects)
     intervals = parameter_intervals(sets.model.points, sets.posterior, evidence.best, shown)
     return Diagnosis(
         fabric=captures.fabric,
         verdict=found.verdict,
         p=evidence.p,
         probability=found.leading,
-        acting=_acting(of_laboratory, sets.posterior.effects),
+        acting=acts,
         sets={tuple(sorted({*of_laboratory, *names})): p for names, p in sets.posterior.sets.items()},
         set90=found.set90,
         effects=found.effects,
@@ -217,6 +220,24 @@ def _acting(of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, 
         for name, p in group.items():
             acting[name] = p if name == first else max(p, acting.get(name, 0.0))
     return acting
+
+
+def _exchanges(
+    groups: Sequence[tuple[str, ...]],
+    causes: Sequence[Candidate],
+    best: Mapping[str, Candidate],
+    acting: Mapping[str, float],
+) -> dict[str, Candidate]:
+    """Of the groups of which a cause stands for one, the likeliest others to simulate in its place, by the cause."""
+    simulated = {one.hypothesis.name for one in causes}
+    others: dict[str, Candidate] = {}
+    for group in groups:
+        first = next((name for name in group if name in simulated), None)
+        possible = [name for name in group if name in best and name not in simulated]
+        if first is not None and possible:
+            others[first] = best[max(possible, key=lambda name: acting.get(name, 0.0))]
+    likeliest = sorted(others.items(), key=lambda item: -acting.get(item[1].hypothesis.name, 0.0))
+    return dict(likeliest[:_MOST_EXCHANGES])
 
 
 def _likelier_for_all(

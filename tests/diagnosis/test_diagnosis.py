@@ -12,7 +12,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.observation import silhouette
 from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.diagnose import Options, diagnose
+from cusick_bench.diagnosis.diagnose import Options, _exchanges, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DataCounts
@@ -461,6 +461,18 @@ def test_what_may_act_instead_for_all_fabrics_has_their_parameters(emulator: Emu
     options = Options(samples=0, without=others)
     found = diagnose(captures, emulator, options=options, shared=shared, acting=acting, look_alikes=instead)
     assert (found.best["off-centre"].value["shift"] == 5e-3) == (p > 0)
+
+
+def test_the_likeliest_other_of_each_group_is_simulated_in_its_place(emulator: Emulator) -> None:
+    known = {one.name: Candidate(one, {}) for one in hypotheses(emulator)}
+    causes = [known[name] for name in ("plate-tilt", "camera-scale", "camera-offset", "creep")]
+    groups = (("camera-scale", "threshold", "cut-size"), ("plate-tilt", "camera-tilt"), ("camera-offset", "off-centre"))
+    acting = {"threshold": 0.1, "cut-size": 0.2, "camera-tilt": 0.3, "off-centre": 0.4}
+    best = {name: known[name] for name in acting}
+    found = _exchanges(groups, causes, best, acting)
+    assert found == {"camera-offset": known["off-centre"], "plate-tilt": known["camera-tilt"]}, "no more than two"
+    assert _exchanges(groups[:1], causes, best, acting) == {"camera-scale": known["cut-size"]}
+    assert _exchanges((("rim-stiffening", "creep"),), causes, best, acting) == {}
 
 
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:

@@ -8,13 +8,16 @@ drape that they predict. So the fit is repeated with a corrected prediction,
 with common random numbers in the simulations of all rounds. Errors of the regressions then neither make the base model
 worse than it is nor count as an effect's share of the gap.
 
+What the atlas cannot tell apart, simulations may: a cause is exchanged for a look-alike where that brings simulated
+samples nearer to the fitted ones. The fit with the look-alike begins with the correction of the model before it.
+
 References:
     Bandler, Biernacki, Chen, Grobelny, Hemmers. Space mapping technique for electromagnetic optimization. IEEE
     Transactions on Microwave Theory and Techniques 42(12), 1994. Kennedy, O'Hagan. Bayesian calibration of computer
     models. JRSS B 63(3), 2001 (an additive discrepancy).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -82,6 +85,7 @@ def closures(
     alternatives: Sequence[tuple[Candidate, ...]],
     draping: Draping,
     *,
+    look_alikes: Mapping[str, Candidate] | None = None,
     refit: bool = True,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Closure]:
@@ -96,7 +100,9 @@ def closures(
         alternatives: Sets of causes that act together; an empty set is the base model alone. Creep is left out: the gap
             compares drapes and not their drift from picture to picture, by which creep shows.
         draping: How models are simulated.
-        refit: Whether to fit the causes' parameters to each fold, too, instead of keeping them.
+        look_alikes: What may act in place of a cause, by the name of that cause; each fold decides for itself.
+        refit: Whether to fit the causes' parameters to each fold, too, instead of keeping them; look-alikes are fitted
+            in any case.
         progress: Called with the share that is done.
 
     Returns:
@@ -105,17 +111,21 @@ def closures(
     compared = [tuple(one for one in causes if not acts_later(one.hypothesis.effect)) for causes in alternatives]
     every = np.arange(len(samples.specimens))
     parts = [every] if len(every) < _LEAST else _halves(samples.specimens)
-    steps = len(parts) * (1 + sum(bool(causes) for causes in compared))
+    instead = look_alikes or {}
+    tried = [sum(one.hypothesis.name in instead for one in causes) for causes in compared]
+    steps = len(parts) * (1 + sum(bool(causes) for causes in compared) + sum(tried) / 2)  # an exchange is half a fit
     held_out, base, with_causes = [], [], [[] for _ in compared]
     for number, held in enumerate(parts):
         fitted = every if len(parts) == 1 else np.setdiff1d(every, held)
         model = _Model(emulator, samples, fitted, residual, draping, (_SEED, draping.seed, number))
         held_out.append(samples.specimens[held])
-        base.append(_simulated(model, (), refit))
-        for drapes, causes in zip(with_causes, compared, strict=True):
-            progress((len(base) + sum(map(len, with_causes))) / steps)
+        base.append(_simulated(model, (), refit).drapes)
+        done = number / len(parts) + 1 / steps
+        for drapes, causes, exchanges in zip(with_causes, compared, tried, strict=True):
+            progress(done)
             if causes:
-                drapes.append(_simulated(model, causes, refit))
+                drapes.append(_exchanged(model, _simulated(model, causes, refit), instead).drapes)
+                done += (1 + exchanges / 2) / steps
     if len(parts) == 1:
         return [Closure(None, base[-1], effect[-1] if effect else None) for effect in with_causes]
     return [
@@ -215,17 +225,52 @@ class _Model:
         return fit_of(self.specimens, drapes.specimens, self.sd, self.faces)
 
 
-def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> Simulated:
-    """Samples of the base model with causes: of several rounds, those nearest to the fitted samples."""
-    theta, correction = model.start, model.nothing
-    fitted = _at_grid_points(model, causes) if refit else list(causes)
-    rounds: list[Simulated] = []
-    while True:
-        theta, fitted = _fit(model, theta, fitted, correction, refit)
-        rounds.append(model.drape(theta, fitted))
-        if len(rounds) > ROUNDS:
-            return min(rounds, key=model.distance)
-        correction = _correction(model, theta, fitted, rounds[-1])
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """A model as it was fitted and simulated.
+
+    Attributes:
+        theta: Base parameters.
+        causes: Causes at their fitted parameters.
+        drapes: Simulated samples.
+        distance: G between these and the samples that it was fitted to.
+    """
+
+    theta: ndarray
+    causes: list[Candidate]
+    drapes: Simulated
+    distance: float
+
+
+def _round(model: _Model, theta: ndarray, causes: Sequence[Candidate], correction: ndarray, refit: bool) -> _Round:
+    theta, fitted = _fit(model, theta, causes, correction, refit)
+    drapes = model.drape(theta, fitted)
+    return _Round(theta, fitted, drapes, model.distance(drapes))
+
+
+def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> _Round:
+    """The base model with causes: of several rounds, the one nearest to the fitted samples."""
+    placed = _at_grid_points(model, causes) if refit else causes
+    rounds = [_round(model, model.start, placed, model.nothing, refit)]
+    for _ in range(ROUNDS):
+        last = rounds[-1]
+        rounds.append(_round(model, last.theta, last.causes, _correction(model, last), refit))
+    return min(rounds, key=lambda one: one.distance)
+
+
+def _exchanged(model: _Model, found: _Round, look_alikes: Mapping[str, Candidate]) -> _Round:
+    """The model with those causes exchanged for their look-alikes whose exchange brings it nearer."""
+    for place, one in enumerate(found.causes):
+        if one.hypothesis.name not in look_alikes:
+            continue
+        correction = _correction(model, found)
+        others = [*found.causes[:place], *found.causes[place + 1 :]]
+        at = model.against(found.theta, correction, fixed=True)
+        without = model.against(found.theta, correction + model.shift(at, others), fixed=True)
+        other = _at_grid_point(model, look_alikes[one.hypothesis.name], without)
+        tried = [*found.causes[:place], other, *found.causes[place + 1 :]]
+        found = min(found, _round(model, found.theta, tried, correction, True), key=lambda each: each.distance)
+    return found
 
 
 def _at_grid_points(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
@@ -233,10 +278,15 @@ def _at_grid_points(model: _Model, causes: Sequence[Candidate]) -> list[Candidat
     placed, total = [], model.nothing
     for one in causes:
         plain = model.against(model.start, total, exact=False)
-        grid = grid_at(model.emulator, one.hypothesis, plain, least=0.0)
-        placed.append(candidates(plain.white, [grid], law_difference=0.0)[0])
+        placed.append(_at_grid_point(model, one, plain))
         total = model.shift(plain, placed)
     return placed
+
+
+def _at_grid_point(model: _Model, one: Candidate, at: Residual) -> Candidate:
+    """A cause at the likeliest point of its grid for what a residual leaves."""
+    grid = grid_at(model.emulator, one.hypothesis, at, least=0.0)
+    return candidates(at.white, [grid], law_difference=0.0)[0]
 
 
 def _fit(
@@ -274,13 +324,11 @@ def _refined(model: _Model, at: Residual, one: Candidate) -> Candidate:
     return replace(one, value=value(minimize(misfit, simplex[0], method="Nelder-Mead", options=options).x))
 
 
-def _correction(
-    model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: Simulated
-) -> Float[ndarray, "rows"]:
+def _correction(model: _Model, found: _Round) -> Float[ndarray, "rows"]:
     """Simulated minus emulated means [sd]; spreads and drifts are not corrected."""
-    at = model.against(theta, model.nothing, fixed=True)
-    mean = features(drapes.specimens).contrast / at.sd
-    expected = np.stack([model.emulator.mean(theta) / at.sd, np.zeros_like(at.sd)])
+    at = model.against(found.theta, model.nothing, fixed=True)
+    mean = features(found.drapes.specimens).contrast / at.sd
+    expected = np.stack([model.emulator.mean(found.theta) / at.sd, np.zeros_like(at.sd)])
     error = model.nothing.copy()
-    error[MEANS] = np.nan_to_num((mean - expected).ravel() - model.shift(at, causes)[MEANS])
+    error[MEANS] = np.nan_to_num((mean - expected).ravel() - model.shift(at, found.causes)[MEANS])
     return error

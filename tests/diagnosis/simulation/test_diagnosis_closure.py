@@ -96,6 +96,31 @@ def test_severity_between_the_grids_points_is_found(emulator: Emulator, monkeypa
     assert found.closure > 0.8
 
 
+@pytest.mark.parametrize("named", ["camera-scale", "face-asymmetry"])
+def test_the_nearer_of_two_look_alikes_is_taken(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch, named: str
+) -> None:
+    """A picture that is too large, named, or with faces that differ named in its place."""
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
+    faces = Candidate(hypothesis_of(emulator, "face-asymmetry"), {"asymmetry": 0.3}, 0.0, 0.0, 0.0)
+    data = fabric(emulator, [scale], NOTHING)
+    residual, draping, shares = residual_of(emulator, data), Draping(60), []
+    first, other = (scale, faces) if named == "camera-scale" else (faces, scale)
+    alone = closures(emulator, data, residual, [(first,)], draping)[0].gap
+    both = closures(emulator, data, residual, [(first,)], draping, look_alikes={named: other}, progress=shares.append)[
+        0
+    ].gap
+    assert alone is not None
+    assert both is not None
+    assert both.base == alone.base
+    assert both.closure > 0.8
+    assert (alone.closure > 0.8) == (named == "camera-scale")
+    assert (both.closure == alone.closure) == (named == "camera-scale")
+    assert shares == sorted(shares)
+    assert shares[-1] < 1
+
+
 def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where drapes turn out softer than the atlas promises, the base model takes a stiffer cloth, its gap shrinks."""
     sd = emulator.sd(THETA)
