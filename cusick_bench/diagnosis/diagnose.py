@@ -230,14 +230,13 @@ def _exchanges(
 ) -> dict[str, Candidate]:
     """Of the groups of which a cause stands for one, the likeliest others to simulate in its place, by the cause."""
     simulated = {one.hypothesis.name for one in causes}
-    others: dict[str, Candidate] = {}
-    for group in groups:
-        first = next((name for name in group if name in simulated), None)
-        possible = [name for name in group if name in best and name not in simulated]
-        if first is not None and possible:
-            others[first] = best[max(possible, key=lambda name: acting.get(name, 0.0))]
-    likeliest = sorted(others.items(), key=lambda item: -acting.get(item[1].hypothesis.name, 0.0))
-    return dict(likeliest[:_MOST_EXCHANGES])
+    stand_for = [(first, group) for group in groups if (first := next((n for n in group if n in simulated), ""))]
+    pairs = [(first, name) for first, group in stand_for for name in group if name in best and name not in simulated]
+    chosen: dict[str, Candidate] = {}
+    for first, name in sorted(pairs, key=lambda pair: -acting.get(pair[1], 0.0)):
+        if first not in chosen and best[name] not in chosen.values() and len(chosen) < _MOST_EXCHANGES:
+            chosen[first] = best[name]
+    return chosen
 
 
 def _likelier_for_all(

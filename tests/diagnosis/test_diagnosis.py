@@ -472,6 +472,9 @@ def test_the_likeliest_other_of_each_group_is_simulated_in_its_place(emulator: E
     found = _exchanges(groups, causes, best, acting)
     assert found == {"camera-offset": known["off-centre"], "plate-tilt": known["camera-tilt"]}, "no more than two"
     assert _exchanges(groups[:1], causes, best, acting) == {"camera-scale": known["cut-size"]}
+    twice = (("camera-offset", "off-centre"), ("creep", "off-centre", "cut-size"))
+    found = _exchanges(twice, causes, best, acting)
+    assert found == {"camera-offset": known["off-centre"], "creep": known["cut-size"]}, "nothing acts twice"
     assert _exchanges((("rim-stiffening", "creep"),), causes, best, acting) == {}
 
 

@@ -37,7 +37,7 @@ from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
 from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets, named_causes
 from cusick_bench.diagnosis.inference.sets.refined import shared_set
-from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, Candidate
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE
 from cusick_bench.diagnosis.measure.captures import Captures
 
 STEPS: Final = 40
@@ -88,10 +88,10 @@ def laboratory(
             chain.step(counts=step >= _SETTLED)
         progress(0.7 + 0.3 * (number + 1) / len(chains))
     mean = np.array([np.mean(chain.log_joints) for chain in chains])
-    found = pooled(chains, np.exp(mean - float(np.logaddexp.reduce(mean))))
+    share = np.exp(mean - float(np.logaddexp.reduce(mean)))
     own = chains[int(np.argmax(mean))].own
-    named = shared_set([(fabric.data, fabric.sets) for fabric in fabrics], own, found.named)
-    return _with_causes(found, named, exchanges)
+    named = shared_set([(fabric.data, fabric.sets) for fabric in fabrics], own, pooled(chains, share).named)
+    return _with_look_alikes(pooled(chains, share, named), exchanges)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices so small, threads only wait for each other
@@ -144,17 +144,16 @@ def _starts(fabrics: Sequence[LaboratoryFabric], points: Sequence[EffectPoints])
     return [[point] for point in best if np.isfinite(gained[point])]
 
 
-def _with_causes(found: Laboratory, causes: Sequence[Candidate], exchanges: Exchanges) -> Laboratory:
-    """The laboratory with other parameters of the named effects, and with what may act in their place."""
-    by_name = {one.hypothesis.name: one for one in causes}
+def _with_look_alikes(found: Laboratory, exchanges: Exchanges) -> Laboratory:
+    """The laboratory with what may act in place of the named effects."""
+    named = {one.hypothesis.name for one in found.named}
     effects = []
     for one in found.effects:
-        if one.name in by_name:
+        if one.name in named:
             look_alikes, without = exchanges.look_alikes(one.name), exchanges.without(one.name)
             nothing = shares({"": 0.0, **look_alikes, NONE: without}, len(found.fabrics))[NONE]
             one = replace(
                 one,
-                cause=by_name[one.name],
                 look_alikes=look_alikes,
                 in_its_place={other: exchanges.in_place_of(one.name, other) for other in look_alikes},
                 probability=one.probability * (1 - nothing),

@@ -22,6 +22,7 @@ from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.fabric_sets import candidate_at
 from cusick_bench.diagnosis.inference.sets.set_model import MOST, SharedShift, likelihoods_of
 from cusick_bench.diagnosis.inference.sets.set_sampler import conditional, draw_option
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 
 
 class SharedWalk:
@@ -187,16 +188,20 @@ def same_point(points: EffectPoints, point: int, others: EffectPoints) -> int:
     )
 
 
-def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Laboratory:
+def pooled(
+    chains: Sequence[SharedWalk], share: Float[ndarray, "chains"], causes: Sequence[Candidate] = ()
+) -> Laboratory:
     """Averages over the walks, each weighted by its share.
 
     Args:
         chains: The walks.
         share: Probability of each.
+        causes: Effects with the parameters that are stated of them.
 
     Returns:
-        The laboratory, every effect at its likeliest point.
+        The laboratory, every other effect at its likeliest point.
     """
+    stated = {one.hypothesis.name: one for one in causes}
     points, fabrics = chains[0].points[0], chains[0].fabrics
     weight = np.sum([p * chain.weight / chain.counted for p, chain in zip(share, chains, strict=True)], axis=0)
     effects = np.sum([p * chain.effects / chain.counted for p, chain in zip(share, chains, strict=True)], axis=0)
@@ -206,7 +211,7 @@ def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Lab
     found = []
     for number, name in enumerate(points.names):
         own = np.flatnonzero(points.effect == number)
-        cause = candidate_at(points, points.densest(number, weight))
+        cause = stated.get(name) or candidate_at(points, points.densest(number, weight))
         intervals = point_intervals(points, own, weight[own], cause)
         mean = evidence[:, number] / max(float(compared[number]), 1e-9)
         found.append(
