@@ -20,7 +20,7 @@ from cusick_bench.diagnosis.inference.laboratory.shared_effects import (
     shared_points,
     shares,
 )
-from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk
+from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk, pooled
 from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, FACE_ODD, faces_of
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets
@@ -70,6 +70,20 @@ def found(fabrics: list[LaboratoryFabric]) -> Exchanges:
     exchanges = Exchanges(fabrics, np.random.default_rng(0))
     exchanges.search(started_from(fabrics, "off-centre", "cut-size"))
     return exchanges
+
+
+def test_intervals_of_what_is_shared_hold_the_stated_value(fabrics: list[LaboratoryFabric]) -> None:
+    """Which is refined after the walk, and may leave its densest point."""
+    walk = started_from(fabrics, "camera-offset")
+    walk.step(counts=True)
+    hypothesis = next(one for one in hypotheses(fabrics[0].data.emulator) if one.name == "camera-offset")
+    stated = Candidate(hypothesis, {"shift": 3e-3, "direction": 170.0})
+    found = {one.name: one for one in pooled([walk], np.ones(1), [stated]).effects}["camera-offset"]
+    assert found.cause == stated
+    low, high = found.intervals["direction"]
+    assert (170 - low + 1e-6) % 360 <= high - low + 2e-6
+    low, high = {one.name: one for one in pooled([walk], np.ones(1)).effects}["camera-offset"].intervals["direction"]
+    assert (170 - low) % 360 > high - low
 
 
 class TestExchanges:
