@@ -38,29 +38,17 @@ class Incumbent:
         if loss < self.loss:
             self.tau, self.loss = np.array(tau), loss
 
-    def value(self, tau: Vector) -> float:
+    def value(self, tau: Vector, *, as_laid: bool = False) -> float:
         """Loss at tau, PENALTY where the drape fails.
 
         Args:
             tau: Parameter vector.
+            as_laid: Whether the drape starts from the cloth as laid down, whatever was followed before.
 
         Returns:
             The loss.
         """
-        loss = self.problem.evaluate(tau)
-        self._keep(tau, loss)
-        return min(loss, PENALTY)
-
-    def value_as_laid(self, tau: Vector) -> float:
-        """Loss at tau of a drape that starts from the cloth as laid down, PENALTY where it fails.
-
-        Args:
-            tau: Parameter vector.
-
-        Returns:
-            The loss.
-        """
-        loss = self.problem.evaluate_as_laid(tau)
+        loss = self.problem.evaluate_as_laid(tau) if as_laid else self.problem.evaluate(tau)
         self._keep(tau, loss)
         return min(loss, PENALTY)
 

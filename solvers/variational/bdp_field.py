@@ -175,7 +175,7 @@ class BdpField(Solver):
         tau = np.zeros(space.dimension)
         tau[: len(cloth)] = cloth
         tau[space.weights("laying")] = space.laid_like(_undulation(incumbent.problem))
-        incumbent.value_as_laid(tau)
+        incumbent.value(tau, as_laid=True)
         if self.refinement:
             rounds(incumbent, steps=self.refinement, rate=self.rate, iterations=2 * self.refinement)
 
