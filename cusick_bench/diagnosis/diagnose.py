@@ -172,7 +172,7 @@ def diagnose(
         )[0]  # fmt: skip
     progress("done", 1.0)
     shown = FacesShown(evidence.features.single, captures.warp_seen_down)
-    intervals = parameter_intervals(sets.model.points, sets.posterior, evidence.best, shown)
+    own = {name: one for name, one in evidence.best.items() if name not in stand_ins}
     return Diagnosis(
         fabric=captures.fabric,
         verdict=found.verdict,
@@ -184,8 +184,8 @@ def diagnose(
         effects=found.effects,
         groups=found.groups,
         causes=tuple(map(shown.on_the_bench, evidence.causes)),
-        intervals={name: own for name, own in intervals.items() if name not in stand_ins},
-        best={name: shown.on_the_bench(one) for name, one in {**evidence.best, **stand_ins}.items()},
+        intervals=parameter_intervals(sets.model.points, sets.posterior, own, shown),
+        best={name: shown.on_the_bench(one) for name, one in {**own, **stand_ins}.items()},
         shared=tuple(of_laboratory),
         budget=evidence.budget,
         novelty=evidence.novelty,
@@ -215,11 +215,18 @@ def diagnose(
 
 def _acting(of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, float]) -> dict[str, float]:
     """Probability that each effect acts, as one of the laboratory or as one of the fabric's own."""
-    acting = dict(own)
-    for first, group in of_laboratory.items():
+    for_all = _for_all(of_laboratory)
+    larger = {name: max(p, own.get(name, 0.0)) for name, p in for_all.items()}
+    return {**own, **larger, **{name: for_all[name] for name in of_laboratory}}
+
+
+def _for_all(of_laboratory: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Probability that an effect acts in the laboratory; that of a look-alike of two is the larger one."""
+    found: dict[str, float] = {}
+    for group in of_laboratory.values():
         for name, p in group.items():
-            acting[name] = p if name == first else max(p, acting.get(name, 0.0))
-    return acting
+            found[name] = max(p, found.get(name, 0.0))
+    return found
 
 
 def _exchanges(
@@ -243,7 +250,7 @@ def _likelier_for_all(
     look_alikes: Mapping[str, Candidate], of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, float]
 ) -> dict[str, Candidate]:
     """Look-alikes of shared effects that act for all fabrics sooner than for one alone."""
-    for_all = {name: p for group in of_laboratory.values() for name, p in group.items()}
+    for_all = _for_all(of_laboratory)
     return {name: one for name, one in look_alikes.items() if for_all.get(name, 0.0) >= own.get(name, 0.0)}
 
 

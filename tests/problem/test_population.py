@@ -149,6 +149,21 @@ class TestLevels:
         sample = float(np.square(images[False][0] - images[False][1]).mean())
         assert rows[0]["other_mse"] == pytest.approx(sample)
 
+    def test_faces_of_other_samples_are_not_compared(self, problem, monkeypatch):
+        angle = np.arange(720) * 2 * np.pi / 720
+        images = np.stack([silhouette(0.12 + height * np.cos(8 * angle)) for height in (0.004, 0.01)])
+        seen = [Observation(np.zeros((3, 3)), images[0], 0.0)] * 2
+        monkeypatch.setattr(DrapeProblem, "draw_batch", lambda self, taus: seen)
+        none, places = np.zeros((2, len(STATISTICS))), {"any": problem.space.leading.origin}
+        missed = []
+        for numbers in ((1, 3), (1, 2)):
+            up = Samples("any", False, images, none, numbers=(1, 2))
+            down = Samples("any", True, images[:, :, ::-1], none, numbers=numbers)
+            found = Population(shipped(), places, {}, {}, 0.0, [])
+            missed.append(compare_levels(problem, found, [up, down], 2)[0]["flip_mse"])
+        assert np.isnan(missed[0])
+        assert missed[1] == 0
+
     def test_samples_are_measured_by_their_own_protocol(self, problem, monkeypatch):
         """The same outlines in pixels of another size, beside drapes that are seen by the release's."""
         angle = np.arange(720) * 2 * np.pi / 720

@@ -69,6 +69,7 @@ class Samples:
         statistics: Their statistics.
         repeats: Silhouettes of the second captures, where every sample has one.
         protocol: How all these silhouettes were taken.
+        numbers: Which samples of the fabric these are, in the same order.
     """
 
     fabric: str
@@ -77,6 +78,7 @@ class Samples:
     statistics: Float[ndarray, "samples statistics"]
     repeats: Float[ndarray, "samples size size"] | None = None
     protocol: Protocol = RELEASE
+    numbers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,8 @@ def population_samples(folder: Path | str) -> list[Samples]:
             statistics = drape_statistics(torch.as_tensor(images), dataset.protocol).numpy()
             second = rows.loc[ours].groupby("sample").nth(1).index
             repeats = _images(dataset, second) if len(second) == len(first) else None
-            found.append(Samples(name, turned, images, statistics, repeats, dataset.protocol))
+            numbers = tuple(int(one) for one in rows.loc[first, "sample"])
+            found.append(Samples(name, turned, images, statistics, repeats, dataset.protocol, numbers))
     known = sorted({group.fabric for group in found})
     if len(known) < 2:
         raise ProblemError(

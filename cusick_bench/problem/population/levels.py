@@ -43,7 +43,8 @@ def compare_levels(
 
     Returns:
         Rows, real and simulated in turn: `fabric`, `turned`, `of`, `drapes`, `dc` and `dc_sd` [points], `folds`,
-        `folds_sd`, `depth_mm`, and mean squared errors `other_mse`, `repeat_mse`, `flip_mse`; NaN where there is none.
+        `folds_sd`, `depth_mm`, and mean squared errors `other_mse`, `repeat_mse`, `flip_mse`; NaN where there is none,
+        of the two faces where they are not of the same samples.
     """
     rows: list[dict[str, str | float]] = []
     space = field_space_of(problem)
@@ -58,7 +59,7 @@ def compare_levels(
         images, repeats = _drape(problem, first, done), None if second is None else _drape(problem, second, done)
         flips = _drape(problem, taus if group.turned else turned, done)
         other = next((one for one in groups if one.fabric == group.fabric and one.turned != group.turned), None)
-        flipped = None if other is None or len(other.images) != len(group.images) else other.images
+        flipped = other.images if other is not None and other.numbers == group.numbers else None
         name: dict[str, str | float] = {"fabric": group.fabric, "turned": str(group.turned)}
         rows.append({**name, "of": "samples", **_described(group.images, group.repeats, flipped, group.protocol)})
         rows.append({**name, "of": "simulated", **_described(images, repeats, flips, problem.protocol)})

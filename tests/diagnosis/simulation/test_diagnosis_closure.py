@@ -113,12 +113,31 @@ def test_the_nearer_of_two_look_alikes_is_taken(
     ].gap
     assert alone is not None
     assert both is not None
-    assert both.base == alone.base
     assert both.closure > 0.8
     assert (alone.closure > 0.8) == (named == "camera-scale")
-    assert (both.closure == alone.closure) == (named == "camera-scale")
+    assert (both.effect == alone.effect) == (named == "camera-scale")
     assert shares == sorted(shares)
     assert shares[-1] < 1
+
+
+def test_the_base_model_is_simulated_as_often_as_the_causes(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where look-alikes are tried: of more tries, the one that is chosen fits better whatever is tried."""
+    simulate, without = world(emulator, NOTHING), []
+
+    def counted(theta: np.ndarray, causes: Sequence[Candidate], samples: int, seed: tuple[int, ...], **named: object):
+        without.append(not causes)
+        return simulate(theta, causes, samples, seed, **named)
+
+    monkeypatch.setattr(closure, "simulate", counted)
+    scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
+    faces = Candidate(hypothesis_of(emulator, "face-asymmetry"), {"asymmetry": 0.3}, 0.0, 0.0, 0.0)
+    data = fabric(emulator, [scale], NOTHING)
+    found = residual_of(emulator, data)
+    closures(emulator, data, found, [(scale,)], Draping(8), look_alikes={"camera-scale": faces})
+    each = closure.CORRECTIONS + 2
+    assert without == 2 * (each * [True] + each * [False])
 
 
 def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,8 +148,8 @@ def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.
     data = fabric(emulator, [], NOTHING)
     residual = residual_of(emulator, data)
     gaps = []
-    for rounds in (0, closure.ROUNDS):
-        monkeypatch.setattr(closure, "ROUNDS", rounds)
+    for rounds in (0, closure.CORRECTIONS):
+        monkeypatch.setattr(closure, "CORRECTIONS", rounds)
         gap = closures(emulator, data, residual, [()], Draping(60))[0].gap
         assert gap is not None
         gaps.append(gap.base)
@@ -281,7 +300,7 @@ def test_no_fold_is_fitted_to_the_samples_that_score_it(emulator: Emulator, monk
     data = replace(every, specimens=every.specimens[:8], drift=every.drift[:8])
     residual = at_once(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
     closures(emulator, data, residual, [(scale,)], Draping(8), refit=False)
-    models = 2 * (1 + closure.ROUNDS)  # drapes of a fold: without and with the cause
+    models = 2 * (1 + closure.CORRECTIONS)  # drapes of a fold: without and with the cause
     assert (len(scored), len(fitted), len(seeds)) == (2, 2 * models, 2 * models)
     for fold, seen in enumerate(scored):
         own = fitted[fold * models : (fold + 1) * models]

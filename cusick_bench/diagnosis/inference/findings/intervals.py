@@ -36,7 +36,7 @@ def parameter_intervals(
     Args:
         points: Points of the effects' grids.
         posterior: Their posterior.
-        best: Every effect at the values that are stated, by its name.
+        best: Effects at the values that are stated, by name; others get no intervals.
         shown: Which faces the data show; both by default.
 
     Returns:
@@ -46,7 +46,7 @@ def parameter_intervals(
     for number, name in enumerate(points.names):
         own = np.flatnonzero(points.effect == number)
         weight = posterior.weight[own]
-        if weight.sum() < _LEAST:
+        if name not in best or weight.sum() < _LEAST:
             continue
         intervals[name] = point_intervals(points, own, weight, best[name], shown)
     return intervals
