@@ -79,9 +79,7 @@ class DataSetDiagnosis:
         try:
             found = diagnose(
                 captures, self.emulator, self.calibration, self.options,
-                shared=self.laboratory.named if self.laboratory else (),
-                acting=self.laboratory.acting if self.laboratory else None,
-                look_alikes=self.laboratory.look_alikes if self.laboratory else None,
+                shared=self.laboratory.shared if self.laboratory else None,
                 simulators=self.simulators, progress=progress,
             )  # fmt: skip
         except Refused as refusal:

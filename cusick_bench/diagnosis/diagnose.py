@@ -26,6 +26,7 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import as_seen
 from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, base_vector, feature_vector
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
@@ -118,9 +119,7 @@ def diagnose(
     calibration: Calibration | None = None,
     options: Options | None = None,
     *,
-    shared: tuple[Candidate, ...] = (),
-    acting: Mapping[str, Mapping[str, float]] | None = None,
-    look_alikes: Mapping[str, Candidate] | None = None,
+    shared: SharedCauses | None = None,
     simulators: Simulators | None = None,
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Diagnosis:
@@ -131,10 +130,7 @@ def diagnose(
         emulator: The atlas, calibrated.
         calibration: Calibration of the probabilities; theory by default.
         options: How to diagnose.
-        shared: Effects of the laboratory that all its fabrics show, from `laboratory`.
-        acting: For each of them the probability that it acts, and that each of its look-alikes does instead; by default
-            they act for certain.
-        look_alikes: These look-alikes, at the parameters that all fabrics would share.
+        shared: What all fabrics of its laboratory show; nothing by default.
         simulators: Simulators that are reused from fabric to fabric.
         progress: Called with what is being done and the share that is done.
 
@@ -150,50 +146,46 @@ def diagnose(
         raise DiagnosisError(ONE_SAMPLE)
     generator = np.random.default_rng([_SEED, chosen.seed])
     progress("statistics, base model, sets of effects", 0.0)
-    of_laboratory = acting or {one.hypothesis.name: {one.hypothesis.name: 1.0} for one in shared}
-    evidence = fabric_evidence(
-        captures, emulator, known, generator, without=chosen.without, shared=shared,
-        alike=[tuple(group) for group in of_laboratory.values() if len(group) > 1],
-    )  # fmt: skip
+    common = shared or SharedCauses()
+    evidence = fabric_evidence(captures, emulator, known, generator, without=chosen.without, shared=common)
     found, sets, notes = evidence.finding, evidence.sets, list(evidence.notes)
-    drifting = [one for one in evidence.causes if acts_later(one.hypothesis.effect)]
-    if drifting:
+    if any(acts_later(one.hypothesis.effect) for one in evidence.causes):
         notes.append("the gap compares drapes, not their drift from picture to picture: creep takes no part in closure")
-    stand_ins = _likelier_for_all(look_alikes or {}, of_laboratory, sets.posterior.effects)
-    acts = _acting(of_laboratory, sets.posterior.effects)
+    own = sets.posterior.effects
+    stand_ins = common.likelier_than(own)
+    best, acting = {**evidence.best, **stand_ins}, common.acting_beside(own)
     simulated = None
     if chosen.samples and (evidence.causes or chosen.always):
-        draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
-        turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
         simulated = closures(
-            turned, evidence.samples, sets.residual, [evidence.causes], draping,
-            look_alikes=_exchanges(found.groups, evidence.causes, {**evidence.best, **stand_ins}, acts),
+            replace(emulator, warp_seen_down=captures.warp_seen_down), evidence.samples, sets.residual,
+            [evidence.causes], Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20)),
+            look_alikes=_exchanges(found.groups, evidence.causes, best, acting),
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)
     shown = FacesShown(evidence.features.single, captures.warp_seen_down)
-    own = {name: one for name, one in evidence.best.items() if name not in stand_ins}
+    of_this_fabric = {name: one for name, one in best.items() if name not in stand_ins}
     return Diagnosis(
         fabric=captures.fabric,
         verdict=found.verdict,
         p=evidence.p,
         probability=found.leading,
-        acting=acts,
-        sets={tuple(sorted({*of_laboratory, *names})): p for names, p in sets.posterior.sets.items()},
+        acting=acting,
+        sets={tuple(sorted({*common.names, *names})): p for names, p in sets.posterior.sets.items()},
         set90=found.set90,
         effects=found.effects,
         groups=found.groups,
         causes=tuple(map(shown.on_the_bench, evidence.causes)),
-        intervals=parameter_intervals(sets.model.points, sets.posterior, own, shown),
-        best={name: shown.on_the_bench(one) for name, one in {**own, **stand_ins}.items()},
-        shared=tuple(of_laboratory),
+        intervals=parameter_intervals(sets.model.points, sets.posterior, of_this_fabric, shown),
+        best={name: shown.on_the_bench(one) for name, one in best.items()},
+        shared=common.names,
         budget=evidence.budget,
         novelty=evidence.novelty,
         misfit=sets.posterior.misfit,
         place=_place(evidence),
         advice=advise(
             found.leading,
-            shared=of_laboratory,
+            shared=common.acting,
             made=(TURN_OVER,) if {"up", "down"} <= set(captures.side) else (),
         ),
         plain=evidence.plain,
@@ -213,22 +205,6 @@ def diagnose(
     )
 
 
-def _acting(of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, float]) -> dict[str, float]:
-    """Probability that each effect acts, as one of the laboratory or as one of the fabric's own."""
-    for_all = _for_all(of_laboratory)
-    larger = {name: max(p, own.get(name, 0.0)) for name, p in for_all.items()}
-    return {**own, **larger, **{name: for_all[name] for name in of_laboratory}}
-
-
-def _for_all(of_laboratory: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Probability that an effect acts in the laboratory; that of a look-alike of two is the larger one."""
-    found: dict[str, float] = {}
-    for group in of_laboratory.values():
-        for name, p in group.items():
-            found[name] = max(p, found.get(name, 0.0))
-    return found
-
-
 def _exchanges(
     groups: Sequence[tuple[str, ...]],
     causes: Sequence[Candidate],
@@ -244,14 +220,6 @@ def _exchanges(
         if first not in chosen and best[name] not in chosen.values() and len(chosen) < _MOST_EXCHANGES:
             chosen[first] = best[name]
     return chosen
-
-
-def _likelier_for_all(
-    look_alikes: Mapping[str, Candidate], of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, float]
-) -> dict[str, Candidate]:
-    """Look-alikes of shared effects that act for all fabrics sooner than for one alone."""
-    for_all = _for_all(of_laboratory)
-    return {name: one for name, one in look_alikes.items() if for_all.get(name, 0.0) >= own.get(name, 0.0)}
 
 
 def _place(evidence: FabricEvidence) -> Place:

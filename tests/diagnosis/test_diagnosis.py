@@ -26,6 +26,7 @@ from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets
+from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.inference.single_effects.evidence import (
     NONE,
@@ -441,7 +442,7 @@ def test_a_headline_says_what_acts_and_what_is_left(emulator: Emulator) -> None:
 def test_a_set_of_effects_holds_those_of_the_laboratory(emulator: Emulator) -> None:
     captures = simulated_captures("camera-offset", 4e-3, samples=3)
     offset = next(one for one in hypotheses(emulator) if one.name == "camera-offset" and one.frame == "lab")
-    shared = (Candidate(offset, {"shift": 4e-3, "direction": 0.0}),)
+    shared = SharedCauses((Candidate(offset, {"shift": 4e-3, "direction": 0.0}),))
     others = tuple({one.name for one in hypotheses(emulator)} - {"camera-offset", "plate-slip"})  # to save time
     found = diagnose(captures, emulator, options=Options(samples=0, without=others), shared=shared)
     assert found.shared == ("camera-offset",)
@@ -459,7 +460,7 @@ def test_what_may_act_instead_for_all_fabrics_has_their_parameters(emulator: Emu
     acting = {"camera-offset": {"camera-offset": 1 - p, "off-centre": p}}
     others = tuple({one.name for one in hypotheses(emulator)} - {"camera-offset", "off-centre"})  # to save time
     options = Options(samples=0, without=others)
-    found = diagnose(captures, emulator, options=options, shared=shared, acting=acting, look_alikes=instead)
+    found = diagnose(captures, emulator, options=options, shared=SharedCauses(shared, acting, instead))
     assert (found.best["off-centre"].value["shift"] == 5e-3) == (p > 0)
 
 

@@ -19,6 +19,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError, Refused
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.residuals.refusal import doubts
 from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
@@ -133,7 +134,7 @@ def test_one_face_does_not_tell_whether_a_direction_turns_over_with_the_cloth(la
     """It is stated on the bench: a cloth that was turned over about y is seen there as a mirror image."""
     emulator, _ = load_uncalibrated()
     known = next(one for one in hypotheses(emulator) if (one.name, one.frame) == ("off-centre", "cloth"))
-    shared = (Candidate(known, {"shift": 0.004, "direction": 30.0}, 0.0, 0.0, 0.0),)
+    shared = SharedCauses((Candidate(known, {"shift": 0.004, "direction": 30.0}, 0.0, 0.0, 0.0),))
     nominal = captures(laboratories, "release")
     shown = nominal.select(nominal.side == face)
     made = document(

@@ -31,6 +31,7 @@ from cusick_bench.diagnosis.inference.sets.fabric_sets import (
     refitted,
 )
 from cusick_bench.diagnosis.inference.sets.refined import named_set
+from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -87,8 +88,7 @@ def fabric_evidence(
     generator: np.random.Generator,
     *,
     without: Sequence[str] = (),
-    shared: tuple[Candidate, ...] = (),
-    alike: Sequence[tuple[str, ...]] = (),
+    shared: SharedCauses | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> FabricEvidence:
     """Computes the evidence for every set of causes in one fabric.
@@ -99,8 +99,7 @@ def fabric_evidence(
         calibration: Calibration of its probabilities.
         generator: Generator of bootstraps and samplers.
         without: Effects that are not to be considered.
-        shared: Effects of the laboratory that all its fabrics show.
-        alike: Groups of look-alikes; the first of each is among the shared effects and stands for one of its group.
+        shared: What all fabrics of its laboratory show; nothing by default.
         progress: Called with the share that is done.
 
     Returns:
@@ -110,29 +109,30 @@ def fabric_evidence(
         Refused: Another geometry than the atlas', too few samples, or a cloth beyond the atlas.
         DiagnosisError: No usable drape.
     """
+    common = shared or SharedCauses()
     samples, data, notes = fabric_data(captures, emulator, calibration, without)
     plain = data.against()
     model = data.model(plain)
     p = detection_p_value(model, generator)
     own_p = p
-    if shared:
-        left = data.against(start=plain.theta, shift=data.shift(shared, plain))
+    if common.causes:
+        left = data.against(start=plain.theta, shift=data.shift(common.causes, plain))
         own_p = detection_p_value(data.model(left), generator)
     hidden = sorted({one.name for one in hypotheses(emulator)} - {*model.points.names, *without})
     if hidden:
         notes.append(f"undetectable in this fabric, whatever their strength: {', '.join(hidden)}")
-    sampled = fabric_sets(data, plain, generator, shared=shared, progress=progress)
+    sampled = fabric_sets(data, plain, generator, shared=common.causes, progress=progress)
     drift_known = bool(np.isfinite(data.features.order).any())
     evened = evened_out(sampled.posterior, drift_known=drift_known)
     sets = replace(sampled, posterior=replace(evened, weight=evened_weights(sampled, evened)))
-    likeliest = [*(one.hypothesis.name for one in shared), *next(iter(sets.posterior.sets))]
+    likeliest = [*common.names, *next(iter(sets.posterior.sets))]
     likely = named_causes(data, sets, likeliest)
     notes += domain_doubts(emulator, data.features, sets.residual, data.shift(likely, sets.residual))
     best = named_set(data, sets, likely)
     together = refitted(data, sets, best.causes)
     best = named_set(data, together, best.causes)
     test = novelty(together, best, generator)
-    found = finding(own_p, sets.posterior, test, tuple(one.hypothesis.name for one in shared), alike)
+    found = finding(own_p, sets.posterior, test, common.names, common.groups)
     causes = best.causes
     stated = [*found.effects, *(group[0] for group in found.groups)]
     if stated and set(stated) != set(likeliest):

@@ -25,6 +25,7 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, F
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN, Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 
@@ -181,3 +182,22 @@ class TestFabricsOfALaboratoryInDoubt:
         alone = finding(0.5, self.own, FITS, ("plate-tilt",), [self.group])
         assert (alone.verdict, alone.effects, alone.groups) == ("ambiguous", (), (self.group,))
         assert set(self.group) <= set(alone.set90)
+
+
+def test_what_acts_for_all_fabrics_beside_what_one_alone_shows(emulator: Emulator) -> None:
+    """A look-alike of two shared effects counts by the larger probability, whichever comes last."""
+    known = {one.name: Candidate(one, {}) for one in hypotheses(emulator)}
+    causes, alike = (
+        (known["plate-tilt"], known["off-centre"], known["camera-scale"]),
+        {"camera-tilt": known["camera-tilt"]},
+    )
+    probability = {
+        "plate-tilt": {"plate-tilt": 0.5, "camera-tilt": 0.4},
+        "off-centre": {"off-centre": 0.8, "camera-tilt": 0.1},
+    }
+    shared = SharedCauses(causes, probability, alike)
+    assert shared.groups == [("plate-tilt", "camera-tilt"), ("off-centre", "camera-tilt")]
+    acting = shared.acting_beside({"camera-tilt": 0.2, "creep": 0.7})
+    assert acting == {"plate-tilt": 0.5, "off-centre": 0.8, "camera-scale": 1.0, "camera-tilt": 0.4, "creep": 0.7}
+    assert shared.likelier_than({"camera-tilt": 0.2}) == alike
+    assert shared.likelier_than({"camera-tilt": 0.5}) == {}

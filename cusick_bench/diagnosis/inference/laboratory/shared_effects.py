@@ -14,6 +14,7 @@ from cusick_bench.diagnosis.inference.findings.verdict import NAMED
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints, effect_points, finer_points
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.evidence import LEAST_SIZE, Candidate, grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses
 
@@ -94,6 +95,11 @@ class Laboratory:
                 if p > found.get(name, (0.0, cause))[0]:
                     found[name] = p, cause
         return {name: cause for name, (_, cause) in found.items()}
+
+    @property
+    def shared(self) -> SharedCauses:
+        """All this, as the diagnosis of one fabric takes it."""
+        return SharedCauses(self.named, self.acting, self.look_alikes)
 
 
 @dataclass(frozen=True, eq=False)
