@@ -82,6 +82,15 @@ def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):
     assert dataset.protocol.cloth_radius_m == 0.14
 
 
+def test_a_laboratory_of_silk_has_its_own_tables_only(toy):
+    """Its folder was taken for one of silhouettes, and the tables of the folder that it lies in were used."""
+    (toy / "protocol.json").write_text('{"cloth_radius_m": 0.14}')
+    shutil.copytree(toy / "data/Fabric 7/silhouettes", toy / "silk")
+    shutil.copytree(toy / "data/Fabric 7/silhouettes", toy / "sil")
+    assert load(toy / "silk").protocol.cloth_radius_m == 0.15
+    assert load(toy / "sil").protocol.cloth_radius_m == 0.14
+
+
 def test_tables_may_begin_with_a_capital(toy):
     """They were taken for side files, and the release's scale for that of the pictures, without a word."""
     (toy / "Fabrics.CSV").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
