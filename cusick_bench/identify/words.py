@@ -98,11 +98,12 @@ def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
     """What to do where there is no stiffness."""
     if fit_missing.startswith(UNWEIGHED):
         number = int(own["fabric"].iloc[0])
-        key = f"fabric_{number}" if number else fabric
-        return [
-            f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: for photographs "
-            f'--weight "{number}=180 g/m2", in a data set a line {key},0.18, in fabrics.csv.'
-        ]
+        given = (
+            f'for photographs --weight "{number}=180 g/m2", in a data set a line fabric_{number},0.18, in fabrics.csv'
+            if number
+            else f"a line {fabric},0.18, in fabrics.csv"  # a named set, which photographs never become
+        )
+        return [f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: {given}."]
     if fit_missing.startswith(FAILED):
         return [
             "Repeat the command with another --seed or more --vertices, by which all fabrics are fitted again; with "

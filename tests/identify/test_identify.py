@@ -179,6 +179,27 @@ def test_captures_without_a_number_are_to_be_numbered(lab, tmp_path):
     assert not any("protocol.json" in step for step in steps)
 
 
+@pytest.fixture
+def named_sets(lab, tmp_path) -> Path:
+    """Two named sets, whose cloths have no number."""
+    for name, fabric in (("cotton_green", 1), ("wool red", 3)):
+        folder = tmp_path / "bnn_image_gt" / name
+        folder.mkdir(parents=True)
+        picture = lab / f"data/Fabric {fabric}/silhouettes/Fabric_{fabric}_Sample_1_Capture_1.jpg"
+        shutil.copy(picture, folder / f"{name}_sample_1_Upward_Drape_1.jpg")
+    return tmp_path
+
+
+def test_a_named_set_is_weighed_by_its_name(named_sets):
+    """Photographs have numbers: `--weight "0=180 g/m2"` would be refused."""
+    missing = "its weight is not known, and a drape shows stiffness over weight only"
+    (step, *_) = fabric_next(load(named_sets), "wool red", Drapes(samples=1, silhouettes=1, units=1), missing, None, 0)
+    assert "with the weight: a line wool red,0.18, in fabrics.csv." in step
+    (named_sets / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\nwool red,0.18,\n")
+    dataset = load(named_sets)
+    assert dataset.select(cloth="wool red").table["areal_density"].tolist() == [0.18]
+
+
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
     for fabric in (answer.fabrics[0], answer.fabrics[2]):
         assert fabric.diagnosis is not None
