@@ -188,8 +188,8 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
     Returns:
         Sentences.
     """
-    todo, protocol = [], dataset.protocol
-    shown = set(dataset.table["fabric"])
+    todo, protocol, table = [], dataset.protocol, dataset.table
+    shown = set(table["fabric"])  # 0 for all named sets
     lost = sorted({one.fabric for one in preparation.refused if one.fabric not in shown} if preparation else ())
     todo += [f"Take all photographs of fabric {number} again: none of them has a sure outline." for number in lost]
     if preparation is not None and preparation.camera_height_m is None:
@@ -207,7 +207,7 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             f"For a diagnosis drape samples of {2e3 * protocol.standard_cloth_radius_m:.0f} mm over this plate: it "
             "knows only the ratio of 18 to 30 cm. Stiffness does not need them."
         )
-    if len(shown) == 1:
+    if len({number or cloth for cloth, number in zip(table["cloth"], table["fabric"], strict=True)}) == 1:
         todo.append(
             "Picture other fabrics on the same bench: what all of them show belongs to the bench, not the cloth."
         )

@@ -200,6 +200,15 @@ def test_a_named_set_is_weighed_by_its_name(named_sets):
     assert dataset.select(cloth="wool red").table["areal_density"].tolist() == [0.18]
 
 
+def test_named_sets_are_as_many_fabrics_as_their_names(named_sets):
+    def other_fabrics() -> bool:
+        return any(step.startswith("Picture other fabrics") for step in laboratory_next(load(named_sets), None))
+
+    assert not other_fabrics()
+    shutil.rmtree(named_sets / "bnn_image_gt/wool red")
+    assert other_fabrics()
+
+
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
     for fabric in (answer.fabrics[0], answer.fabrics[2]):
         assert fabric.diagnosis is not None
