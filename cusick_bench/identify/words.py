@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
@@ -107,7 +108,7 @@ def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
     if fit_missing.startswith(FAILED):
         return [
             "Repeat the command with another --seed or more --vertices, by which all fabrics are fitted again; with "
-            f"--cloth {fabric} and an --out of its own, this one alone."
+            f"--cloth {shlex.quote(fabric)} and an --out of its own, this one alone."
         ]
     if NO_PHYSICS in fit_missing:
         return ["Repeat the command with a solver that simulates drapes, such as --solver bdp-field."]
@@ -170,7 +171,8 @@ def fabric_next(
             "not sure enough (see the list under The laboratory, and the pictures in data/check)."
         )
     if drapes.unusable:
-        todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
+        place = shlex.quote(str(dataset.root))
+        todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {place}")
     todo += _fit_advice(own, fabric, fit_missing) + _sample_advice(dataset, own) + _face_advice(own)
     if diagnosis is not None:
         todo += [f"{one.name}: {one.what}" for one in diagnosis.next[:_MOST_ADVICE]]

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -207,6 +208,16 @@ def test_named_sets_are_as_many_fabrics_as_their_names(named_sets):
     assert not other_fabrics()
     shutil.rmtree(named_sets / "bnn_image_gt/wool red")
     assert other_fabrics()
+
+
+def test_commands_in_advice_can_be_pasted(named_sets):
+    spaced = named_sets / "my lab"
+    spaced.mkdir()
+    (named_sets / "bnn_image_gt").rename(spaced / "bnn_image_gt")
+    drapes = Drapes(samples=1, silhouettes=1, units=1, unusable=1)
+    look, again, *_ = fabric_next(load(spaced), "wool red", drapes, "the fit failed: x", None, 0)
+    assert shlex.split(look)[-4:] == ["cusick-bench", "data", "audit", str(spaced)]
+    assert "--cloth 'wool red' and" in again
 
 
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
