@@ -20,6 +20,7 @@ from cusick_bench.datasets.stats import statistics
 from cusick_bench.diagnosis.atlas.store import Calibration, save
 from cusick_bench.identify import data as data_of_folder
 from cusick_bench.identify.data import as_data_set, holds_photographs
+from cusick_bench.identify.diagnoses import diagnose_fabrics
 from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
@@ -218,6 +219,17 @@ def test_commands_in_advice_can_be_pasted(named_sets):
     look, again, *_ = fabric_next(load(spaced), "wool red", drapes, "the fit failed: x", None, 0)
     assert shlex.split(look)[-4:] == ["cusick-bench", "data", "audit", str(spaced)]
     assert "--cloth 'wool red' and" in again
+
+
+def test_samples_whose_pictures_cannot_be_used_do_not_count_for_a_diagnosis(lab, tmp_path):
+    spoilt = shutil.copytree(lab, tmp_path / "lab")
+    (spoilt / "data/Fabric 1/silhouettes/Fabric_1_Sample_3_Capture_1.jpg").write_bytes(b"no picture")
+    unread = tmp_path / "atlas.npz"  # is not there, and not asked for
+    documents, missing = diagnose_fabrics(
+        str(spoilt), load(spoilt), ["fabric_1"], Workspace(tmp_path), Options(), atlas=unread
+    )
+    assert not documents
+    assert missing["fabric_1"].startswith("there are 2 samples of 3 whose pictures can be used")
 
 
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
