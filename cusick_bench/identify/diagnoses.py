@@ -21,7 +21,7 @@ from cusick_bench.report.diagnosis.page import write_diagnosis_page
 from cusick_bench.runner.numerics import diagnosis_numerics
 
 LEAST_SAMPLES = 3
-"""Least number of samples of a fabric that is diagnosed, as in `diagnose`: the scatter of samples must be known."""
+"""Least number of samples, with usable pictures, of a fabric that is diagnosed: how they scatter must be known."""
 
 Progress = Callable[[str, float], None]
 
@@ -113,20 +113,28 @@ def _captures(
     captures: dict[str, Captures] = {}
     missing: dict[str, str] = {}
     for cloth in cloths:
-        table = dataset.table[dataset.table["cloth"] == cloth]
-        samples = len(set(table["sample"]))
-        if samples < LEAST_SAMPLES:
-            count = "one sample" if samples == 1 else f"{samples} samples"
-            missing[cloth] = (
-                f"there {'is' if samples == 1 else 'are'} {count}; what the simulator leaves out can only be told from "
-                f"how several samples scatter, of which at least {LEAST_SAMPLES} are needed"
-            )
-            continue
         try:
-            captures[cloth] = read_captures(dataset, cloth, force=options.force)
+            own = read_captures(dataset, cloth, force=options.force)
         except (DataError, DiagnosisError) as error:
             missing[cloth] = str(error)
+            continue
+        usable, cut = (len(set(samples)) for samples in (own.sample, dataset.select(cloth=cloth).table["sample"]))
+        if usable < LEAST_SAMPLES:
+            missing[cloth] = _too_few(usable, cut)
+        else:
+            captures[cloth] = own
     return captures, missing
+
+
+def _too_few(usable: int, cut: int) -> str:
+    """Why so few samples are not diagnosed, of so many that were cut."""
+    there = "there is one sample" if usable == 1 else f"there are {usable} samples"
+    if usable < cut:
+        there += f" of {cut} whose pictures can be used (`cusick-bench data audit` says what is wrong with the others)"
+    return (
+        f"{there}; what the simulator leaves out can only be told from how several samples scatter, of which at least "
+        f"{LEAST_SAMPLES} are needed"
+    )
 
 
 def _earlier(folder: Path) -> DiagnosisDocument | None:

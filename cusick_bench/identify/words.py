@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
@@ -98,15 +99,16 @@ def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
     """What to do where there is no stiffness."""
     if fit_missing.startswith(UNWEIGHED):
         number = int(own["fabric"].iloc[0])
-        key = f"fabric_{number}" if number else fabric
-        return [
-            f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: for photographs "
-            f'--weight "{number}=180 g/m2", in a data set a line {key},0.18, in fabrics.csv.'
-        ]
+        given = (
+            f'for photographs --weight "{number}=180 g/m2", in a data set a line fabric_{number},0.18, in fabrics.csv'
+            if number
+            else f"a line {fabric},0.18, in fabrics.csv"  # a named set, which photographs never become
+        )
+        return [f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: {given}."]
     if fit_missing.startswith(FAILED):
         return [
             "Repeat the command with another --seed or more --vertices, by which all fabrics are fitted again; with "
-            f"--cloth {fabric} and an --out of its own, this one alone."
+            f"--cloth {shlex.quote(fabric)} and an --out of its own, this one alone."
         ]
     if NO_PHYSICS in fit_missing:
         return ["Repeat the command with a solver that simulates drapes, such as --solver bdp-field."]
@@ -169,7 +171,8 @@ def fabric_next(
             "not sure enough (see the list under The laboratory, and the pictures in data/check)."
         )
     if drapes.unusable:
-        todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
+        place = shlex.quote(str(dataset.root))
+        todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {place}")
     todo += _fit_advice(own, fabric, fit_missing) + _sample_advice(dataset, own) + _face_advice(own)
     if diagnosis is not None:
         todo += [f"{one.name}: {one.what}" for one in diagnosis.next[:_MOST_ADVICE]]
@@ -187,8 +190,8 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
     Returns:
         Sentences.
     """
-    todo, protocol = [], dataset.protocol
-    shown = set(dataset.table["fabric"])
+    todo, protocol, table = [], dataset.protocol, dataset.table
+    shown = set(table["fabric"])  # 0 for all named sets
     lost = sorted({one.fabric for one in preparation.refused if one.fabric not in shown} if preparation else ())
     todo += [f"Take all photographs of fabric {number} again: none of them has a sure outline." for number in lost]
     if preparation is not None and preparation.camera_height_m is None:
@@ -206,7 +209,7 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             f"For a diagnosis drape samples of {2e3 * protocol.standard_cloth_radius_m:.0f} mm over this plate: it "
             "knows only the ratio of 18 to 30 cm. Stiffness does not need them."
         )
-    if len(shown) == 1:
+    if len({number or cloth for cloth, number in zip(table["cloth"], table["fabric"], strict=True)}) == 1:
         todo.append(
             "Picture other fabrics on the same bench: what all of them show belongs to the bench, not the cloth."
         )

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from cusick_bench.datasets.stats import statistics
 from cusick_bench.diagnosis.atlas.store import Calibration, save
 from cusick_bench.identify import data as data_of_folder
 from cusick_bench.identify.data import as_data_set, holds_photographs
+from cusick_bench.identify.diagnoses import diagnose_fabrics
 from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
@@ -177,6 +179,57 @@ def test_captures_without_a_number_are_to_be_numbered(lab, tmp_path):
     steps = fabric_next(load(tmp_path), "fabric_1", Drapes(samples=3, silhouettes=3, units=3), "", None, 0)
     assert any(step.startswith("Number the captures in the names of the pictures") for step in steps)
     assert not any("protocol.json" in step for step in steps)
+
+
+@pytest.fixture
+def named_sets(lab, tmp_path) -> Path:
+    """Two named sets, whose cloths have no number."""
+    for name, fabric in (("cotton_green", 1), ("wool red", 3)):
+        folder = tmp_path / "bnn_image_gt" / name
+        folder.mkdir(parents=True)
+        picture = lab / f"data/Fabric {fabric}/silhouettes/Fabric_{fabric}_Sample_1_Capture_1.jpg"
+        shutil.copy(picture, folder / f"{name}_sample_1_Upward_Drape_1.jpg")
+    return tmp_path
+
+
+def test_a_named_set_is_weighed_by_its_name(named_sets):
+    """Photographs have numbers: `--weight "0=180 g/m2"` would be refused."""
+    missing = "its weight is not known, and a drape shows stiffness over weight only"
+    (step, *_) = fabric_next(load(named_sets), "wool red", Drapes(samples=1, silhouettes=1, units=1), missing, None, 0)
+    assert "with the weight: a line wool red,0.18, in fabrics.csv." in step
+    (named_sets / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\nwool red,0.18,\n")
+    dataset = load(named_sets)
+    assert dataset.select(cloth="wool red").table["areal_density"].tolist() == [0.18]
+
+
+def test_named_sets_are_as_many_fabrics_as_their_names(named_sets):
+    def other_fabrics() -> bool:
+        return any(step.startswith("Picture other fabrics") for step in laboratory_next(load(named_sets), None))
+
+    assert not other_fabrics()
+    shutil.rmtree(named_sets / "bnn_image_gt/wool red")
+    assert other_fabrics()
+
+
+def test_commands_in_advice_can_be_pasted(named_sets):
+    spaced = named_sets / "my lab"
+    spaced.mkdir()
+    (named_sets / "bnn_image_gt").rename(spaced / "bnn_image_gt")
+    drapes = Drapes(samples=1, silhouettes=1, units=1, unusable=1)
+    look, again, *_ = fabric_next(load(spaced), "wool red", drapes, "the fit failed: x", None, 0)
+    assert shlex.split(look)[-4:] == ["cusick-bench", "data", "audit", str(spaced)]
+    assert "--cloth 'wool red' and" in again
+
+
+def test_samples_whose_pictures_cannot_be_used_do_not_count_for_a_diagnosis(lab, tmp_path):
+    spoilt = shutil.copytree(lab, tmp_path / "lab")
+    (spoilt / "data/Fabric 1/silhouettes/Fabric_1_Sample_3_Capture_1.jpg").write_bytes(b"no picture")
+    unread = tmp_path / "atlas.npz"  # is not there, and not asked for
+    documents, missing = diagnose_fabrics(
+        str(spoilt), load(spoilt), ["fabric_1"], Workspace(tmp_path), Options(), atlas=unread
+    )
+    assert not documents
+    assert missing["fabric_1"].startswith("there are 2 samples of 3 whose pictures can be used")
 
 
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
