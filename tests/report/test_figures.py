@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli.fit import paper_figures
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.metrics import Confusion, ruled_surface
 from cusick_bench.report import ReportError
@@ -227,6 +229,19 @@ METHODS = [f"method-{letter}" for letter in "abcdefg"]
 def strip(cloth: str, methods: list[str]) -> Strip:
     tile = Tile(np.full((256, 256), 0.5), ruled_surface(np.full(12, 0.12)), ruled=True, mse=0.1)
     return Strip(cloth, 1, tile, dict.fromkeys(methods, tile))
+
+
+def test_silhouettes_that_fill_their_picture_are_shown_whole():
+    """Of every picture a sixteenth was cut off, as suits the release: a cloth of another laboratory lost its rim."""
+    protocol = Protocol(px_per_m=800.0, centre_px=(122.0, 131.0))  # the flat cloth fills the picture
+    shown = replace(strip(CLOTHS[0], METHODS[:1]), protocol=protocol)
+    column, row = protocol.centre_px
+    reach = protocol.cloth_radius_m * protocol.px_per_m
+    silhouettes = [axes for axes in strips_figure([shown], "title").axes if axes.images][:2]
+    for axes in silhouettes:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        assert left < column - reach < column + reach < right
+        assert high < row - reach < row + reach < low
 
 
 def study(methods: list[str]) -> RadiusAngle:

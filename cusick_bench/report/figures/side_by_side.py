@@ -37,9 +37,8 @@ from cusick_bench.report.figures.predictions import (
     train_rows,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
-from cusick_bench.sim.constants import IMAGE_SIZE
 
-_MARGIN = 16  # [px of 256] of a silhouette that no cloth of the release reaches
+_REACH = 1.05  # flat radii about the plate's axis that are shown of a silhouette; drapes of the release reach 1.03
 _SKY = 50  # [px] above a drape from the side
 _OUTLINE = "#eb7319"
 
@@ -258,8 +257,7 @@ def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
     for column, label in enumerate(["real", *labels]):
         tile = strip.predicted.get(label) if column else strip.real
         if tile is not None:
-            margin = _MARGIN * len(tile.image) / IMAGE_SIZE
-            _from_above(axes[0, column], tile, outline if column else None, margin)
+            _from_above(axes[0, column], tile, outline if column else None, strip.protocol)
             _from_side(axes[1, column], tile, strip.cloth, strip.protocol)
     words, corner = f"{strip.cloth}\nsample {strip.sample}", axes[0, 0]
     corner.text(
@@ -275,10 +273,10 @@ def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
     )
 
 
-def _from_above(axis: Axes, tile: Tile, outline: Pixels | None, margin: float) -> None:
+def _from_above(axis: Axes, tile: Tile, outline: Pixels | None, protocol: Protocol) -> None:
     axis.imshow(silhouette_picture(tile.image))
-    last = len(tile.image) - 1
-    axis.set(xlim=(margin, last - margin), ylim=(last - margin, margin))
+    (column, row), reach = protocol.centre_px, _REACH * protocol.cloth_radius_m * protocol.px_per_m
+    axis.set(xlim=(column - reach, column + reach), ylim=(row + reach, row - reach))
     if outline is None:
         return
     axis.plot(*outline, color=_OUTLINE, linewidth=0.8)
