@@ -20,7 +20,6 @@ from numpy import ndarray
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import outline_pixels
-from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import mse, mse_pairs
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
@@ -34,7 +33,7 @@ from cusick_bench.report.figures.predictions import (
     load_draws,
     surface_of,
     train_row,
-    train_rows,
+    turned_over,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 
@@ -167,9 +166,9 @@ def held_out(
             )  # one at a time: a thousand drapes have 65 MB
             errors = mse_pairs(draws.images, np.stack([real.image for real in reals]), dataset.protocol)
             own = _made_for(entrant, cloth, rows, len(draws.images))
-            trained = train_rows(entrant.folders(cloth)[0])[0]
-            for place, row in enumerate(rows):
-                offered = draws.of_face(_turned_over(dataset, trained, row))
+            lying = turned_over(dataset, train_row(entrant.folders(cloth)[0]), rows)
+            for place, other_face in enumerate(lying.tolist()):
+                offered = draws.of_face(other_face)
                 best = own[place] if own else int(offered[errors[offered, place].argmin()])
                 words = "" if own else f"best of {len(offered)}" if len(offered) > 1 else "its only draw"
                 predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
@@ -178,12 +177,6 @@ def held_out(
             for row, real, tiles in zip(rows, reals, predicted, strict=True)
         ]
     return strips
-
-
-def _turned_over(dataset: DrapeDataset, trained: int, row: int) -> bool:
-    """Whether a sample is known to lie with the other face up than the training sample."""
-    side = dataset.table["side"]
-    return str(side.iloc[row]) == OTHER_FACE.get(str(side.iloc[trained]))
 
 
 def _first_folders(chosen: Sequence[Entrant], cloth: str) -> dict[str, Path]:
