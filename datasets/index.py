@@ -112,12 +112,13 @@ def build_index(
     alike = named.twins(layout.silhouettes, found.hashes, found.images)
     assigned = assign_meshes(layout, protocol, found, alike, correct)
     origin = named.sources(layout.silhouettes, found.hashes)
+    numbers = {entry.cloth: entry.fabric for entry in layout.silhouettes if not entry.is_named}
     doubtful = doubtful_sides(layout, protocol, found) if "side" in correct else set()
     recognised = recognised_cloths(layout, found)
     rows = []
     for entry in layout.silhouettes:
         source = origin.get(entry.cloth, entry.cloth)
-        fabric = entry.fabric or _number(source)
+        fabric = entry.fabric or numbers.get(source, 0)
         mesh = assigned[entry.path]
         side, side_note = _side(entry, protocol, source in doubtful)
         values = fabric_values(entry.cloth, source, fabrics, recognised)
@@ -266,8 +267,3 @@ def _image_notes(entry: Entry, found: Survey, correct: Collection[str]) -> list[
 
 def _identical(twin: named.Twin | None) -> str:
     return twin.capture.path if twin and twin.capture and twin.difference == 0 else ""
-
-
-def _number(cloth: str) -> int:
-    digits = cloth.removeprefix("fabric_").split("_")[0]
-    return int(digits) if digits.isdecimal() else 0

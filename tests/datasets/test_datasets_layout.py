@@ -16,7 +16,7 @@ from toy_cloths import (
     write_toy,
 )
 
-from cusick_bench.datasets import load
+from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
 
 
@@ -70,6 +70,16 @@ def test_a_named_set_finds_its_weight_however_its_name_is_written(toy, row):
     dataset = load(toy).select(cloth="raw silk-2")
     assert dataset.require_density(0) == 0.3
     assert not [one for one in audit(toy).irregularities if one.kind == "fabrics-unused"]
+
+
+def test_a_number_at_the_start_of_a_named_set_is_no_fabric(toy):
+    """It was to be weighed as `fabric_7`: the row of another cloth, which is not read for this one."""
+    write_image(toy / "bnn_image_gt/7_oz_denim/sample_1_Upward_Drape_1.png", draw(toy_profile(8, 1, 1)))
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    dataset = load(toy).select(cloth="7_oz_denim")
+    assert dataset.index["fabric"].tolist() == [0]
+    with pytest.raises(DataError, match="add `7_oz_denim,<kg/m2>,`"):
+        dataset.require_density(0)
 
 
 def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):

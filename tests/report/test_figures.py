@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,12 @@ from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli.fit import paper_figures
+from cusick_bench.datasets import load
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.metrics import Confusion, ruled_surface
 from cusick_bench.report import ReportError
+from cusick_bench.report.figures.fold_variability import fold_variability
 from cusick_bench.report.figures.predictions import entrants, load_draws
 from cusick_bench.report.figures.radius_angle import Group, RadiusAngle, radius_angle, radius_angle_figure
 from cusick_bench.report.figures.sheet import in_blocks
@@ -118,6 +122,28 @@ def test_draws_are_not_judged_beside_what_they_were_fitted_to(toy_dataset, tmp_p
                 (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | of_split))
     with pytest.raises(ReportError, match=r"every sample of fabric_1 trains some fit .*; give a run of --protocol"):
         radius_angle(load_cells(tmp_path), toy_dataset)
+
+
+def test_draws_of_either_face_are_as_many_as_samples_of_it(tmp_path):
+    """They are stored in turn, and every second one was taken: all of one face, for samples of both."""
+    dataset = load(write_toy(tmp_path / "data", fabrics=(1, 4), samples=4, captures=4, meshes=False))
+    table, run, turned = dataset.table, tmp_path / "run", {"draw_turned": np.arange(24) % 2 == 1}
+    for cloth in CLOTHS:
+        rows = table.index[(table["cloth"] == cloth) & table["capture"].isin([1, 3])].tolist()  # up and down in turn
+        pairs = np.stack([dataset.image(row).numpy() for row in rows[2:]]).reshape(3, 2, 256, 256)
+        draws = pairs.repeat(4, axis=0).reshape(24, 256, 256)
+        cell = write_cell(run, dataset, "both", cloth, draws, arrays=turned)
+        for name in ("cell.json", "result.json"):
+            of_split = {"train": rows[:2], "test": rows[2:]}
+            (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | of_split))
+    study = radius_angle(load_cells(run), dataset, draws=12)
+    (drawn,) = study.drawn
+    for cloth in CLOTHS:
+        assert sorted(drawn.sides[cloth]) == ["down"] * 6 + ["up"] * 6
+        own = np.sort(study.document()["dc_ranks"]["both"][cloth])
+        assert own == pytest.approx(np.repeat([1.5, 3.5, 5.5], 2) / 7)  # each face among its own draws, twice each
+    rows = {row["drapes_of"]: row for row in fold_variability(load_cells(run), dataset, draws=12)}
+    assert rows["both"]["dc_sd_ratio"] == pytest.approx(np.sqrt((12 / 11) / (6 / 5)), rel=1e-3)  # the samples, twice
 
 
 # -- figures 6 and 7
@@ -227,6 +253,19 @@ METHODS = [f"method-{letter}" for letter in "abcdefg"]
 def strip(cloth: str, methods: list[str]) -> Strip:
     tile = Tile(np.full((256, 256), 0.5), ruled_surface(np.full(12, 0.12)), ruled=True, mse=0.1)
     return Strip(cloth, 1, tile, dict.fromkeys(methods, tile))
+
+
+def test_silhouettes_that_fill_their_picture_are_shown_whole():
+    """Of every picture a sixteenth was cut off, as suits the release: a cloth of another laboratory lost its rim."""
+    protocol = Protocol(px_per_m=800.0, centre_px=(122.0, 131.0))  # the flat cloth fills the picture
+    shown = replace(strip(CLOTHS[0], METHODS[:1]), protocol=protocol)
+    column, row = protocol.centre_px
+    reach = protocol.cloth_radius_m * protocol.px_per_m
+    silhouettes = [axes for axes in strips_figure([shown], "title").axes if axes.images][:2]
+    for axes in silhouettes:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        assert left < column - reach < column + reach < right
+        assert high < row - reach < row + reach < low
 
 
 def study(methods: list[str]) -> RadiusAngle:

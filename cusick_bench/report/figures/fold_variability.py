@@ -18,7 +18,14 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short
 from cusick_bench.metrics import to_levels, variability_rows
-from cusick_bench.report.figures.predictions import check_data, entrants, held_out_rows, load_draws
+from cusick_bench.report.figures.predictions import (
+    check_data,
+    entrants,
+    held_out_rows,
+    load_draws,
+    train_row,
+    turned_over,
+)
 
 DRAWS = 200  # of a cell that are compared, evenly spaced: the jackknife takes the cube of their number
 FEWEST = 3  # drapes that have a spread with an error
@@ -48,10 +55,12 @@ def fold_variability(cells: Cells, dataset: DrapeDataset, *, draws: int = DRAWS)
     check_data(cells, dataset)
     rows: list[Row] = []
     for cloth in sorted(set(cells.table["cloth"])):
-        samples = np.stack([to_levels(np.asarray(dataset.image(row))) for row in held_out_rows(cells, cloth)])
+        held_out = held_out_rows(cells, cloth)
+        samples = np.stack([to_levels(np.asarray(dataset.image(row))) for row in held_out])
         if len(samples) < FEWEST:
             continue
-        own, *others = variability_rows({SAMPLES: samples} | _drawn(cells, cloth, draws), dataset.protocol)
+        drawn = _drawn(cells, dataset, cloth, held_out, draws)
+        own, *others = variability_rows({SAMPLES: samples} | drawn, dataset.protocol)
         rows += [{"cloth": cloth} | row | _ratios(row, own) for row in (own, *others)]
     return rows + _means(rows)
 
@@ -94,13 +103,18 @@ def variability_table(rows: Sequence[Row], notes: Sequence[str] = ()) -> TextTab
     return TextTable("variability of draws beside that of samples", tuple(columns), kinds, tuple(entries), said)
 
 
-def _drawn(cells: Cells, cloth: str, most: int) -> dict[str, UInt8[ndarray, "draws size size"]]:
-    """Draws of every solver, of all its seeds together."""
+def _drawn(
+    cells: Cells, dataset: DrapeDataset, cloth: str, held_out: Sequence[int], most: int
+) -> dict[str, UInt8[ndarray, "draws size size"]]:
+    """Draws of every solver, of all its seeds together, with either face up as often as held-out samples."""
     found: dict[str, ndarray] = {}
     for entrant in entrants(cells):
         if entrant.kind == "oracle":
             continue
-        images = [load_draws(folder).evenly(most) for folder in entrant.folders(cloth)]
+        images = []
+        for folder in entrant.folders(cloth):
+            draws = load_draws(folder)
+            images.append(draws.images[draws.evenly(most, turned_over(dataset, train_row(folder), held_out))])
         images = [drawn for drawn in images if len(drawn) >= FEWEST]
         if images:
             found[entrant.label] = np.concatenate(images)

@@ -13,6 +13,7 @@ from numpy import ndarray
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
+from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.leaderboard import Cells, variants
 from cusick_bench.leaderboard.cells.variants import method_label
 from cusick_bench.report.cell_view import shown_surface
@@ -104,16 +105,36 @@ class Draws:
         """
         return np.arange(len(self.images)) if self.turned is None else np.flatnonzero(self.turned == turned)
 
-    def evenly(self, count: int) -> UInt8[ndarray, "chosen size size"]:
-        """Some of the silhouettes, evenly spaced: draws may be in order, as rotations are.
+    def evenly(self, count: int, lying: Bool[ndarray, " samples"]) -> Int[ndarray, " chosen"]:
+        """Some of the draws, evenly spaced, as they may be in order, such as rotations; faces as often as in samples.
 
         Args:
             count: How many at most.
+            lying: Which of the samples that they are compared with lie with the other face up than the training sample.
 
         Returns:
-            The silhouettes, in bytes.
+            Numbers of the draws, from 0.
         """
-        return self.images[np.unique(np.linspace(0, len(self.images) - 1, count).astype(int))]
+        if self.turned is None:
+            return _spaced(np.arange(len(self.images)), count)
+        faces, samples = np.unique(lying, return_counts=True)
+        own, shares = [self.of_face(bool(face)) for face in faces], samples / samples.sum()
+        total = min(count, *(len(draws) / share for draws, share in zip(own, shares, strict=True)))
+        sizes = np.maximum(np.round(total * shares).astype(int), 1).tolist()
+        return np.sort(np.concatenate([_spaced(draws, size) for draws, size in zip(own, sizes, strict=True)]))
+
+    def sides(self, trained: str) -> ndarray:
+        """Face that lies up in each draw.
+
+        Args:
+            trained: That of the training sample.
+
+        Returns:
+            "up" or "down"; "" where it is not known, or the draw predicts any face.
+        """
+        if self.turned is None:
+            return np.full(len(self.images), "")
+        return np.where(self.turned, OTHER_FACE.get(trained, ""), trained)
 
     def fit_surface(self) -> trimesh.Trimesh:
         """The drape behind `fit`, or the ruled surface over it where nothing was simulated."""
@@ -241,6 +262,21 @@ def train_rows(folder: Path) -> tuple[int, ...]:
         ) from error
 
 
+def turned_over(dataset: DrapeDataset, trained: int, rows: Sequence[int]) -> Bool[ndarray, " samples"]:
+    """Which samples are known to lie with the other face up than a training sample.
+
+    Args:
+        dataset: The data.
+        trained: Index row of the training sample.
+        rows: Index rows of the samples.
+
+    Returns:
+        Whether each does.
+    """
+    sides = dataset.table["side"].to_numpy(dtype=str)
+    return sides[list(rows)] == OTHER_FACE.get(str(sides[trained]), "none")
+
+
 def load_draws(folder: Path, protocol: Protocol = RELEASE) -> Draws:
     """Reads `prediction.npz` of a finished cell, without trusting it.
 
@@ -277,6 +313,10 @@ def surface_of(
     if vertices is None or faces is None:
         return shown_surface(profile_of(image, protocol), protocol)
     return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _spaced(numbers: Int[ndarray, " draws"], count: int) -> Int[ndarray, " chosen"]:
+    return numbers[np.unique(np.linspace(0, len(numbers) - 1, count).astype(int))]
 
 
 def _draws(arrays: Mapping[str, ndarray], protocol: Protocol) -> Draws:

@@ -7,8 +7,8 @@ and so does the share that it takes for no cloth at all. Draws that are all alik
 recognised more often than real samples: these shares say whether draws look right, not whether they vary as they must.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,9 @@ from cusick_bench.report.figures.predictions import (
     entrants,
     held_out_rows,
     load_draws,
+    train_row,
     train_rows,
+    turned_over,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 
@@ -60,12 +62,14 @@ class Group:
         radii: Cloth -> profiles [m].
         statistics: Cloth -> statistics, in the order of `STATISTICS`.
         confusion: What the drapes are taken for.
+        sides: Cloth -> face that lies up; "" where it is not known, or a draw predicts any face.
     """
 
     label: str
     radii: dict[str, Float[ndarray, "drapes angles"]]
     statistics: dict[str, Float[ndarray, "drapes statistics"]]
     confusion: Confusion
+    sides: dict[str, ndarray] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
         """Plain numbers."""
@@ -103,8 +107,7 @@ class RadiusAngle:
         return self.real.confusion.cloths
 
     def document(self) -> dict[str, Any]:
-        """Plain numbers: who is taken for what, and the ranks of held-out drape coefficients among the draws."""
-        column = STATISTICS.index("drape_coefficient")
+        """Plain numbers: who is taken for what, and ranks of held-out drape coefficients among draws of their face."""
         return {
             "question": "which cloth does a drape belong to, judged by its phase-free statistics",
             "cloths": list(self.cloths),
@@ -112,10 +115,7 @@ class RadiusAngle:
             "real": self.real.document(),
             "draws": {group.label: group.document() for group in self.drawn},
             "dc_ranks": {
-                group.label: {
-                    cloth: ranks(drawn[:, column], self.real.statistics[cloth][:, column]).tolist()
-                    for cloth, drawn in group.statistics.items()
-                }
+                group.label: {cloth: _ranks(group, self.real, cloth).tolist() for cloth in group.statistics}
                 for group in self.drawn
             },
         }
@@ -149,19 +149,20 @@ def radius_angle(
     chosen = entrants(cells, solvers, kinds=("solver", "null"))
     cloths = sorted(set(cells.table["cloth"]))
     shapes: dict[str, list[Shape]] = {}
+    unseen: dict[str, list[int]] = {}
     samples: list[int] = []
     for cloth in cloths:
         progress(f"real samples of {cloth}")
-        rows = _unseen_rows(cells, dataset, chosen, cloth)
+        unseen[cloth] = rows = _unseen_rows(cells, dataset, chosen, cloth)
         shapes[cloth] = [Shape(dataset.image(row), protocol=dataset.protocol) for row in rows]
         samples += [int(dataset.table["sample"].iloc[row]) for row in rows]
     statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
     features, owners = _features(statistics)
     judge, confusion = learn(features, owners, samples)
-    real = Group("real samples", _radii(shapes), statistics, confusion)
-    protocol = dataset.protocol
-    drawn = tuple(_drawn(entrant, cloths, judge, draws, protocol, progress) for entrant in chosen)
-    return RadiusAngle(real, drawn, protocol)
+    side = dataset.table["side"].to_numpy(dtype=str)
+    real = Group("real samples", _radii(shapes), statistics, confusion, {one: side[unseen[one]] for one in cloths})
+    drawn = tuple(_drawn(entrant, dataset, unseen, judge, draws, progress) for entrant in chosen)
+    return RadiusAngle(real, drawn, dataset.protocol)
 
 
 def _unseen_rows(cells: Cells, dataset: DrapeDataset, chosen: Sequence[Entrant], cloth: str) -> list[int]:
@@ -179,21 +180,37 @@ def _unseen_rows(cells: Cells, dataset: DrapeDataset, chosen: Sequence[Entrant],
 
 def _drawn(
     entrant: Entrant,
-    cloths: Sequence[str],
+    dataset: DrapeDataset,
+    unseen: Mapping[str, Sequence[int]],
     judge: Classifier,
     count: int,
-    protocol: Protocol,
     progress: Callable[[str], None],
 ) -> Group:
-    """A solver's draws, of all seeds."""
+    """A solver's draws, of all seeds, with either face up as often as unseen samples."""
     shapes: dict[str, list[Shape]] = {}
-    for cloth in cloths:
+    sides: dict[str, ndarray] = {}
+    for cloth, rows in unseen.items():
         progress(f"{entrant.label} on {cloth}")
-        images = [image for folder in entrant.folders(cloth) for image in load_draws(folder).evenly(count)]
-        if images:
-            shapes[cloth] = [Shape(image / 255, protocol=protocol) for image in images]
+        for folder in entrant.folders(cloth):
+            draws, trained = load_draws(folder), train_row(folder)
+            numbers = draws.evenly(count, turned_over(dataset, trained, rows))
+            own = [Shape(image / 255, protocol=dataset.protocol) for image in draws.images[numbers]]
+            own_sides = draws.sides(str(dataset.table["side"].iloc[trained]))[numbers]
+            shapes[cloth] = shapes.get(cloth, []) + own
+            sides[cloth] = np.append(sides.get(cloth, []), own_sides)
     statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
-    return Group(entrant.label, _radii(shapes), statistics, judge.confusion(*_features(statistics)))
+    return Group(entrant.label, _radii(shapes), statistics, judge.confusion(*_features(statistics)), sides)
+
+
+def _ranks(drawn: Group, real: Group, cloth: str) -> Float[ndarray, " samples"]:
+    """Ranks of drape coefficients of real samples among draws with the same face up; of any, where it has none."""
+    column = STATISTICS.index("drape_coefficient")
+    draws, samples = drawn.statistics[cloth][:, column], real.statistics[cloth][:, column]
+    found = np.zeros(len(samples))
+    for side in np.unique(real.sides[cloth]):
+        own, at = np.isin(drawn.sides[cloth], [side, ""]), real.sides[cloth] == side
+        found[at] = ranks(draws[own] if own.any() else draws, samples[at])
+    return found
 
 
 def _features(statistics: dict[str, ndarray]) -> tuple[Float[ndarray, "drapes statistics"], list[str]]:

@@ -20,7 +20,6 @@ from numpy import ndarray
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import outline_pixels
-from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import mse, mse_pairs
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
@@ -34,12 +33,11 @@ from cusick_bench.report.figures.predictions import (
     load_draws,
     surface_of,
     train_row,
-    train_rows,
+    turned_over,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
-from cusick_bench.sim.constants import IMAGE_SIZE
 
-_MARGIN = 16  # [px of 256] of a silhouette that no cloth of the release reaches
+_REACH = 1.05  # flat radii about the plate's axis that are shown of a silhouette; drapes of the release reach 1.03
 _SKY = 50  # [px] above a drape from the side
 _OUTLINE = "#eb7319"
 
@@ -168,9 +166,9 @@ def held_out(
             )  # one at a time: a thousand drapes have 65 MB
             errors = mse_pairs(draws.images, np.stack([real.image for real in reals]), dataset.protocol)
             own = _made_for(entrant, cloth, rows, len(draws.images))
-            trained = train_rows(entrant.folders(cloth)[0])[0]
-            for place, row in enumerate(rows):
-                offered = draws.of_face(_turned_over(dataset, trained, row))
+            lying = turned_over(dataset, train_row(entrant.folders(cloth)[0]), rows)
+            for place, other_face in enumerate(lying.tolist()):
+                offered = draws.of_face(other_face)
                 best = own[place] if own else int(offered[errors[offered, place].argmin()])
                 words = "" if own else f"best of {len(offered)}" if len(offered) > 1 else "its only draw"
                 predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
@@ -179,12 +177,6 @@ def held_out(
             for row, real, tiles in zip(rows, reals, predicted, strict=True)
         ]
     return strips
-
-
-def _turned_over(dataset: DrapeDataset, trained: int, row: int) -> bool:
-    """Whether a sample is known to lie with the other face up than the training sample."""
-    side = dataset.table["side"]
-    return str(side.iloc[row]) == OTHER_FACE.get(str(side.iloc[trained]))
 
 
 def _first_folders(chosen: Sequence[Entrant], cloth: str) -> dict[str, Path]:
@@ -258,8 +250,7 @@ def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
     for column, label in enumerate(["real", *labels]):
         tile = strip.predicted.get(label) if column else strip.real
         if tile is not None:
-            margin = _MARGIN * len(tile.image) / IMAGE_SIZE
-            _from_above(axes[0, column], tile, outline if column else None, margin)
+            _from_above(axes[0, column], tile, outline if column else None, strip.protocol)
             _from_side(axes[1, column], tile, strip.cloth, strip.protocol)
     words, corner = f"{strip.cloth}\nsample {strip.sample}", axes[0, 0]
     corner.text(
@@ -275,10 +266,10 @@ def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
     )
 
 
-def _from_above(axis: Axes, tile: Tile, outline: Pixels | None, margin: float) -> None:
+def _from_above(axis: Axes, tile: Tile, outline: Pixels | None, protocol: Protocol) -> None:
     axis.imshow(silhouette_picture(tile.image))
-    last = len(tile.image) - 1
-    axis.set(xlim=(margin, last - margin), ylim=(last - margin, margin))
+    (column, row), reach = protocol.centre_px, _REACH * protocol.cloth_radius_m * protocol.px_per_m
+    axis.set(xlim=(column - reach, column + reach), ylim=(row + reach, row - reach))
     if outline is None:
         return
     axis.plot(*outline, color=_OUTLINE, linewidth=0.8)
