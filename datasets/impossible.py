@@ -1,5 +1,6 @@
 """Refuses to compute from silhouettes that no cloth on the plate can show, before anything is simulated."""
 
+import shlex
 from collections.abc import Iterable, Sequence
 
 from cusick_bench.datasets.audit.limits import UNREADABLE, impossible_faults
@@ -69,8 +70,8 @@ def require_possible(dataset: DrapeDataset, rows: Iterable[int], *, force: bool 
             f"{pictures} of the silhouettes to be used show{'s' if pictures == 1 else ''} no cloth on its plate: "
             f"{listed(found)}",
             where=dataset.root,
-            remedy=f"look with `cusick-bench data audit {dataset.root}`, correct the pictures or protocol.json, or "
-            "take them as they are with --force",
+            remedy=f"look with `cusick-bench data audit {shlex.quote(str(dataset.root))}`, correct the pictures or "
+            "protocol.json, or take them as they are with --force",
             kind=found[0].kind,
         )
     return tuple(map(_text, found))

@@ -43,7 +43,7 @@ class Drapes(Part):
     """Measurements of a fabric's silhouettes, without any simulation.
 
     Attributes:
-        samples: Number of cut pieces.
+        samples: Number of cut pieces with a usable picture.
         silhouettes: Number of pictures.
         units: Faces of samples that were measured.
         unusable: Pictures that cannot be read or have a wrong scale.

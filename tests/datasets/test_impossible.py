@@ -24,7 +24,7 @@ DRAPE = wavy_profile(8)
 
 @pytest.fixture
 def lab(tmp_path) -> Path:
-    root = write_toy(tmp_path / "lab", captures=1, meshes=False)
+    root = write_toy(tmp_path / "my lab", captures=1, meshes=False)
     (root / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.0004\n")
     return root
 
@@ -82,7 +82,7 @@ def test_impossible_silhouettes_are_refused_and_named(lab, case):
     ) as one:
         require_possible(dataset, range(len(dataset)))
     assert PICTURE in str(one.value)
-    assert f"data audit {lab}" in str(one.value)
+    assert f"data audit '{lab}'" in str(one.value)
     assert "--force" in str(one.value)
     assert require_possible(dataset, [1, 2]) == ()  # the picture is not used
     forced = require_possible(dataset, range(len(dataset)), force=True)

@@ -1,6 +1,7 @@
 """Points of an atlas: one file for the drapes of one fabric with one effect, and all of them read together."""
 
 import os
+import shlex
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -124,7 +125,8 @@ def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
     """
     path = folder / DESIGN_FILE
     if not path.exists():
-        raise DiagnosisError(f"no atlas in {folder}; make one with `cusick-bench atlas build --out {folder}`")
+        command = f"cusick-bench atlas build --out {shlex.quote(str(folder))}"
+        raise DiagnosisError(f"no atlas in {folder}; make one with `{command}`")
     design = read_design(path)
     points: dict[str, dict[int, Point]] = {}
     for number, name in design.tasks():

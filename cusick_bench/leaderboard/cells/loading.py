@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -112,7 +113,8 @@ def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:
         else:
             rows.append(outcome)
     if not rows and not skipped:
-        raise LeaderboardError(f"{folder} holds no cells; fill it with `cusick-bench run --out {folder}`")
+        command = f"cusick-bench run --out {shlex.quote(str(folder))}"
+        raise LeaderboardError(f"{folder} holds no cells; fill it with `{command}`")
     if not rows:
         reasons = "\n".join(f"  {cell.solver or '?'} on {cell.cloth or '?'}: {cell.reason}" for cell in skipped[:5])
         raise LeaderboardError(
