@@ -47,7 +47,7 @@ class SharedCauses:
             own: That it acts for the one alone.
 
         Returns:
-            The larger of the two probabilities, by effect.
+            By effect, the larger of the two probabilities; of the shared effects themselves the first.
         """
         for_all = self._for_all()
         larger = {name: max(p, own.get(name, 0.0)) for name, p in for_all.items()}
