@@ -252,7 +252,7 @@ def _round(model: _Model, theta: ndarray, causes: Sequence[Candidate], correctio
 
 
 def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool, *, more: int = 0) -> _Round:
-    """The base model with causes: of several rounds, `more` than at least, the one nearest to the fitted samples."""
+    """The base model with causes: of all rounds, `more` than without look-alikes, the one nearest to what is fitted."""
     placed = _at_grid_points(model, causes) if refit else causes
     rounds = [_round(model, model.start, placed, model.nothing, refit)]
     for _ in range(CORRECTIONS + more):
