@@ -25,7 +25,7 @@ from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, fade_in
-from cusick_bench.sim.cloth.warp import about_centre
+from cusick_bench.sim.cloth.warp import Placing, about_centre, moved
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
@@ -86,6 +86,7 @@ class Setup:
         self_contact: Thickness within which the cloth keeps off itself [m], 0 for none.
         specimen_seed: Whatever is random about this piece of cloth follows from it.
         laying_seed: Whatever is random about this laying of it follows from it.
+        placing: How the cloth lies compared with the mesh as it was made, where it was moved.
     """
 
     mesh: Mesh
@@ -107,10 +108,38 @@ class Setup:
     self_contact: float = 0.0
     specimen_seed: tuple[int, ...] = (0,)
     laying_seed: tuple[int, ...] = (0,)
+    placing: Placing | None = None
 
     def with_added(self, **added: object) -> "Setup":
         """This setup with one more field, map or law in each of the named tuples."""
         return replace(self, **{name: (*getattr(self, name), item) for name, item in added.items()})
+
+    def moved(self, *, x: float = 0.0, y: float = 0.0, growth: float = 0.0, plate_growth: float = 0.0) -> "Setup":
+        """This setup with the cloth elsewhere, of another size or on another plate, whatever was moved before.
+
+        Args:
+            x, y: By how much the cloth's centre moves, in the frame of the simulated cloth [m].
+            growth: Growth of the cloth's radius [m].
+            plate_growth: Growth of the plate's radius [m].
+
+        Returns:
+            Another setup, with another mesh.
+
+        Raises:
+            SimulationError: The cloth would not reach beyond the plate's edge everywhere.
+        """
+        before = self.placing
+        if before is None or not before.is_of(self.mesh, self.held):
+            before = Placing(self.mesh, self.held, self.held)
+        after = replace(
+            before,
+            plate=before.plate + plate_growth,
+            x=before.x + x,
+            y=before.y + y,
+            growth=before.growth + growth,
+        )
+        settings = replace(self.settings, plate_radius=after.plate)
+        return replace(self, mesh=moved(self.mesh, before, after), settings=settings, placing=after)
 
     def cloth_direction(self, degrees: float | Tensor) -> float | Tensor:
         """A direction of the laboratory, counter-clockwise from +x, in the frame of the simulated cloth [deg].

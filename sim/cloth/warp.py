@@ -1,9 +1,10 @@
-"""Meshes of a cloth that lies off centre or has another cut: material points are moved between plate's edge and rim.
+"""Meshes of a cloth that lies off centre, has another cut or lies on another plate: their material points are moved.
 
-Vertices on the plate's edge stay on it, so that the clamp stays a circle. Beyond it the relative position t in [0, 1]
-of a point between the edge and the rim, along its ray from the plate's axis, says how far it follows the rim. On an
-annulus this map is one-to-one as long as no part of the rim reaches the plate. The same mesh and numbers give the same
-`Mesh` object, whose analysis is then shared.
+Vertices on the plate's edge follow the edge, and those on the rim follow the rim. Between them a point follows both, in
+the proportions 1 - t and t, where t in [0, 1] is its relative position in the mesh as it was made, along its ray from
+the plate's axis. On an annulus this map is one-to-one as long as no part of the rim reaches the plate. Several moves
+are one, in whichever order they come. The same mesh and numbers give the same `Mesh` object, whose analysis is then
+shared.
 
 The triangles are stretched, by 2 % for a millimetre, and hinges on stretched triangles are a little stiffer along the
 stretch: the change of sag by a larger cloth or a smaller plate is 7 to 20 % smaller than on a mesh made for it (400 to
@@ -11,6 +12,7 @@ stretch: the change of sag by a larger cloth or a smaller plate is 7 to 20 % sma
 """
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +24,7 @@ from cusick_bench.sim.errors import SimulationError
 
 _KEPT = 32  # largest number of cached meshes
 _DIGITS = 12  # of metres
+_SAME = 1e-12  # m: what rounding changes in coordinates
 
 
 def cloth_circle(mesh: Mesh) -> tuple[Float[ndarray, "2"], float]:
@@ -53,72 +56,77 @@ def about_centre(mesh: Mesh, points: Float[ndarray, "points 2"]) -> Float[ndarra
     return points - np.round(cloth_circle(mesh)[0], _DIGITS)  # 0 but for rounding where the cloth lies centred
 
 
-@lru_cache(maxsize=_KEPT)
-def shifted(mesh: Mesh, held: float, x: float, y: float) -> Mesh:
-    """The cloth laid down with its centre elsewhere; its mass stays, since the rim is moved as a whole.
+@dataclass(frozen=True)
+class Placing:
+    """How a cloth lies on a plate, compared with the mesh that was made for it.
 
-    Args:
-        mesh: The cloth about the plate's axis.
-        held: Radius of the plate [m].
-        x, y: By how much the centre moves [m].
-
-    Returns:
-        The mesh about the plate's axis, with the same faces.
-
-    Raises:
-        SimulationError: The cloth would no longer cover the plate's edge.
-    """
-    return _moved(mesh, held, _way_out(mesh, held)[:, None] * np.array([x, y]))
-
-
-@lru_cache(maxsize=_KEPT)
-def recut(mesh: Mesh, held: float, growth: float) -> Mesh:
-    """The cloth cut with another radius.
-
-    Args:
-        mesh: The cloth about the plate's axis.
-        held: Radius of the plate [m].
-        growth: Growth of the cloth's radius [m].
-
-    Returns:
-        The mesh, with the same faces.
-
-    Raises:
-        SimulationError: The cloth would no longer cover the plate's edge.
-    """
-    outward = mesh.material - cloth_circle(mesh)[0]
-    distance = np.maximum(np.hypot(*outward.T), 1e-12)
-    return _moved(mesh, held, (growth * _way_out(mesh, held) / distance)[:, None] * outward)
-
-
-@lru_cache(maxsize=_KEPT)
-def on_plate(mesh: Mesh, held: float, radius: float) -> Mesh:
-    """The same cloth with its vertices arranged for another plate; the rim stays.
-
-    Args:
-        mesh: The cloth about the plate's axis, with a ring of vertices at `held`.
+    Attributes:
+        made: The mesh as it was made, about the plate's axis, with a ring of vertices at the plate's edge.
         held: Radius of the plate that it was made for [m].
-        radius: Radius of the other plate [m].
+        plate: Radius of the plate that it lies on [m].
+        x, y: By how much the cloth's centre has moved [m].
+        growth: By how much the cloth's radius has grown [m].
+    """
+
+    made: Mesh
+    held: float
+    plate: float
+    x: float = 0.0
+    y: float = 0.0
+    growth: float = 0.0
+
+    def displacement(self) -> Float[ndarray, "vertices 2"]:
+        """By how much the material points of the made mesh have moved [m]."""
+        points, way = self.made.material, _way_out(self.made, self.held)
+        shift = way[:, None] * np.array([self.x, self.y])
+        outward = points - cloth_circle(self.made)[0]
+        growth = (self.growth * way / _distance(outward))[:, None] * outward
+        distance = _distance(points)
+        edge = (self.plate - self.held) * np.minimum(distance / self.held, 1.0) * (1 - way)
+        return shift + growth + (edge / distance)[:, None] * points
+
+    def is_of(self, mesh: Mesh, held: float) -> bool:
+        """Whether a mesh lies as this says.
+
+        Args:
+            mesh: A mesh.
+            held: Radius of its plate [m].
+
+        Returns:
+            Whether it has these material points and this plate.
+        """
+        points = self.made.material
+        if held != self.plate or mesh.material.shape != points.shape:
+            return False
+        return bool(np.allclose(mesh.material, points + self.displacement(), rtol=0, atol=_SAME))
+
+
+@lru_cache(maxsize=_KEPT)
+def moved(mesh: Mesh, before: Placing, after: Placing) -> Mesh:
+    """The mesh of a cloth that is laid elsewhere, cut with another radius, or laid on another plate.
+
+    Its mass changes with its cut only, since a shift moves the rim as a whole.
+
+    Args:
+        mesh: The cloth about the plate's axis.
+        before: How it lies.
+        after: How it is to lie, compared with the same made mesh.
 
     Returns:
-        The mesh with a ring of vertices at the other plate's edge, and the same faces.
+        The mesh about the plate's axis, with the same faces, and its pattern moved with it.
 
     Raises:
-        SimulationError: The cloth does not cover the other plate's edge.
+        SimulationError: The cloth would not reach beyond the plate's edge everywhere.
     """
-    distance = np.maximum(np.hypot(*mesh.material.T), 1e-12)
-    inside = np.minimum(distance / held, 1.0)
-    moved = (radius - held) * inside * (1 - _way_out(mesh, held))
-    return _moved(mesh, radius, (moved / distance)[:, None] * mesh.material)
-
-
-def _way_out(mesh: Mesh, held: float) -> Float[ndarray, "vertices"]:
-    """Relative position of a point between plate edge (0) and rim (1), along its ray from the plate's axis."""
-    centre, radius = cloth_circle(mesh)
-    distance = np.hypot(*mesh.material.T)
-    along = mesh.material @ centre / np.maximum(distance, 1e-12)
-    rim = along + np.sqrt(np.maximum(radius**2 - centre @ centre + along**2, 0))
-    return np.clip((distance - held) / np.maximum(rim - held, 1e-12), 0.0, 1.0)
+    displacement = after.displacement() - before.displacement()
+    material = mesh.material + displacement
+    nearest = float(np.hypot(*material[mesh.boundary].T).min())
+    if not (math.isfinite(nearest) and nearest > after.plate):
+        raise SimulationError(
+            f"the cloth must reach beyond the plate of radius {after.plate:g} m, but its rim comes as near as "
+            f"{nearest:g} m; take a smaller severity, plate or shift"
+        )
+    return Mesh(material, mesh.faces, moved_pattern(mesh, displacement))
 
 
 def moved_pattern(mesh: Mesh, displacement: Float[ndarray, "vertices 2"]) -> Float[ndarray, "faces 3 2"] | None:
@@ -138,13 +146,15 @@ def moved_pattern(mesh: Mesh, displacement: Float[ndarray, "vertices 2"]) -> Flo
     return own + displacement[mesh.faces] @ (np.linalg.inv(sides) @ images)
 
 
-def _moved(mesh: Mesh, held: float, displacement: Float[ndarray, "vertices 2"]) -> Mesh:
-    """The mesh with its material points displaced, and its pattern with them."""
-    material = mesh.material + displacement
-    nearest = float(np.hypot(*material[mesh.boundary].T).min())
-    if not (math.isfinite(nearest) and nearest > held):
-        raise SimulationError(
-            f"the cloth must reach beyond the plate of radius {held:g} m, but its rim comes as near as {nearest:g} m; "
-            "take a smaller severity, plate or shift"
-        )
-    return Mesh(material, mesh.faces, moved_pattern(mesh, displacement))
+def _way_out(mesh: Mesh, held: float) -> Float[ndarray, "vertices"]:
+    """Relative position of a point between plate edge (0) and rim (1), along its ray from the plate's axis."""
+    centre, radius = cloth_circle(mesh)
+    distance = np.hypot(*mesh.material.T)
+    along = mesh.material @ centre / np.maximum(distance, 1e-12)
+    rim = along + np.sqrt(np.maximum(radius**2 - centre @ centre + along**2, 0))
+    return np.clip((distance - held) / np.maximum(rim - held, 1e-12), 0.0, 1.0)
+
+
+def _distance(points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
+    """Distance from the origin [m], never 0."""
+    return np.maximum(np.hypot(*points.T), 1e-12)

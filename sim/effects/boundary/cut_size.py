@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
@@ -29,6 +28,4 @@ class CutSize(Effect):
     located = "ring"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        from cusick_bench.sim.cloth.warp import recut
-
-        return replace(setup, mesh=recut(setup.mesh, setup.held, float(value["error"])))
+        return setup.moved(growth=float(value["error"]))

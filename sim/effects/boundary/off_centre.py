@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
@@ -31,11 +30,10 @@ class OffCentre(Effect):
     )  # fmt: skip
     located = "direction"
     signed = False
-    version = 2  # 2: fields of stiffness and rest shape lie about the cloth's centre
+    version = 3  # 3: beside another cut, plate or shift the cloth lies as if all came at once
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        from cusick_bench.sim.cloth.warp import shifted
         from cusick_bench.sim.effects.directions import unit
 
         x, y = (float(value["shift"]) * unit(setup.cloth_direction(float(value["direction"])))).tolist()
-        return replace(setup, mesh=shifted(setup.mesh, setup.held, x, y))
+        return setup.moved(x=x, y=y)

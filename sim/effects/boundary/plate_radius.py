@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
@@ -28,8 +27,4 @@ class PlateRadius(Effect):
     located = "ring"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        from cusick_bench.sim.cloth.warp import on_plate
-
-        radius = setup.held + float(value["error"])
-        settings = replace(setup.settings, plate_radius=radius)
-        return replace(setup, mesh=on_plate(setup.mesh, setup.held, radius), settings=settings)
+        return setup.moved(plate_growth=float(value["error"]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -31,12 +30,11 @@ class PlateSlip(Effect):
         Parameter("slide", "m", 0.0, 0.02, 2e-3, "assumed: as far as a cloth is misplaced", summary="of each laying"),
     )
     signed = False
-    version = 2  # 2: fields of stiffness and rest shape lie about the cloth's centre
+    version = 3  # 3: beside another cut, plate or shift the cloth lies as if all came at once
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        from cusick_bench.sim.cloth.warp import shifted
         from cusick_bench.sim.effects.directions import unit
 
         angle = math.degrees(np.random.default_rng([*setup.laying_seed, _STREAM]).uniform(0, 2 * math.pi))
         x, y = (float(value["slide"]) * unit(setup.cloth_direction(angle))).tolist()
-        return replace(setup, mesh=shifted(setup.mesh, setup.held, x, y))
+        return setup.moved(x=x, y=y)

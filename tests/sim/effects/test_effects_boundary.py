@@ -1,6 +1,8 @@
 """Effects of the support and the cut against geometry and statics that are known exactly."""
 
 import math
+from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -67,6 +69,28 @@ def test_cut_size_is_met_about_the_cloths_own_centre(error):
     np.testing.assert_allclose(np.hypot(*rim.T), CLOTH_RADIUS + error, atol=1e-12)
     np.testing.assert_allclose(_ring(setup.mesh, PLATE_RADIUS), PLATE_RADIUS, atol=1e-12)
     assert _mass(setup) == pytest.approx(_mass(_setup()) * (1 + error / CLOTH_RADIUS) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", list(permutations(range(4))))
+def test_moves_are_one_in_any_order(order):
+    texts = ["off-centre:shift=0.01,direction=30", "off-centre:shift=0.006", "plate-radius:error=-0.01"]
+    causes = [parse(text) for text in [*texts, "cut-size:error=0.01"]]
+    setup = apply_all([causes[i] for i in order], _setup())
+    distance = np.hypot(*MESH.material.T)
+    outward = MESH.material / np.maximum(distance, 1e-12)[:, None]
+    shift = np.array([0.01 * math.cos(math.pi / 6) + 0.006, 0.005])
+    edge, rim = (PLATE_RADIUS - 0.01) * outward, shift + (CLOTH_RADIUS + 0.01) * outward
+    way = np.maximum((distance - PLATE_RADIUS) / (CLOTH_RADIUS - PLATE_RADIUS), 0)[:, None]
+    inside = np.minimum(distance / PLATE_RADIUS, 1)[:, None]
+    np.testing.assert_allclose(setup.mesh.material, (1 - way) * inside * edge + way * rim, atol=1e-12)
+    assert setup.held == pytest.approx(PLATE_RADIUS - 0.01, rel=1e-12)
+
+
+def test_a_mesh_that_was_exchanged_is_the_one_that_is_moved():
+    moved = parse("off-centre:shift=0.01").apply(_setup())
+    other = disc_mesh(200)
+    again = parse("cut-size:error=0.004").apply(replace(moved, mesh=other)).mesh
+    np.testing.assert_array_equal(again.material, parse("cut-size:error=0.004").apply(_setup(other)).mesh.material)
 
 
 @pytest.mark.parametrize("text", ["off-centre:shift=0.01", "plate-radius:error=0.005", "cut-size:error=-0.008"])
