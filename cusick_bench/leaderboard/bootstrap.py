@@ -13,10 +13,20 @@ has it, by t / z sqrt(n / nu): t and z are the quantiles of Student's t with nu 
 distribution, n is the number of units, and nu is n less the number of strata. The square root undoes the bias of the
 bootstrap's variance. For means of normal values the interval is then that of Student's t.
 
+A geometric mean gives every cloth the same weight, however many seeds it has. With n_c units of cloth c, each of the
+weight u_c, the bootstrap's variance is sum (n_c - 1) u_c^2 / sum n_c u_c^2 of the true one, and it is known to
+
+    nu = (sum (n_c - 1) u_c^2)^2 / sum (n_c - 1) u_c^4
+
+degrees of freedom (Satterthwaite). With equal weights that is what is said above. Of normal values of two cloths with 5
+and 12 seeds, or of four with 2, 6, 6 and 6, the interval then holds the true mean in 95 and 96 % of cases; stretched as
+if all units weighed alike, in 93 and 90 %. Of two cloths with 2 and 12 it is too wide: 99 % instead of 79 %.
+
 References:
     R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare. Deep reinforcement learning at the
     edge of the statistical precipice. NeurIPS 2021 (interquartile mean, stratified bootstrap). T. C. Hesterberg. What
     teachers should know about the bootstrap. The American Statistician 69(4), 2015 (intervals of small samples).
+    F. E. Satterthwaite. An approximate distribution of estimates of variance components. Biometrics Bulletin 2, 1946.
 """
 
 from collections import Counter
@@ -26,7 +36,7 @@ from math import exp, isfinite, nan
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.stats import bootstrap, norm, trim_mean
 from scipy.stats import t as student
@@ -152,10 +162,11 @@ def geometric_mean(logarithms: Values, generator: np.random.Generator) -> Estima
     """
     if not logarithms:
         return Estimate(nan, nan, nan)
-    sizes = [len(stratum) for stratum in _strata([logarithms])]
+    sizes = np.array([len(stratum) for stratum in _strata([logarithms])])
     # Resampled units stay in the places of their stratum.
-    weights = np.repeat(1 / (len(sizes) * np.array(sizes)), sizes)
-    found = _interval([logarithms], lambda columns: columns[0] @ weights, generator)
+    shares = 1 / (len(sizes) * sizes)
+    weights = np.repeat(shares, sizes)
+    found = _interval([logarithms], lambda columns: columns[0] @ weights, generator, shares)
     return Estimate(*(exp(one) if isfinite(one) else nan for one in (found.value, found.low, found.high)))
 
 
@@ -202,9 +213,15 @@ def _filled(own: Values, other: Values) -> Values:
 
 
 def _interval(
-    columns: Sequence[Values], statistic: Callable[[ndarray], ndarray | float], generator: np.random.Generator
+    columns: Sequence[Values],
+    statistic: Callable[[ndarray], ndarray | float],
+    generator: np.random.Generator,
+    shares: Float[ndarray, " strata"] | None = None,
 ) -> Estimate:
-    """Statistic of columns with the same cells, and its stretched percentile interval."""
+    """Statistic of columns with the same cells, and its stretched percentile interval.
+
+    `shares` are the weights that the statistic gives to a unit of each stratum, by default the same to all.
+    """
     if not columns[0]:
         return Estimate(nan, nan, nan)
     strata = [np.array(stratum) for stratum in _strata(columns)]
@@ -224,14 +241,21 @@ def _interval(
     ).bootstrap_distribution
     tail = 50 * (1 - LEVEL)  # SciPy rounds this otherwise, which would change the last digit of committed bounds
     bounds = np.percentile(resampled, [tail, 100 - tail])
-    low, high = value + _stretch(len(units), len(units) - len(strata)) * (bounds - value)
+    sizes = np.array([len(part) for part in strata])
+    low, high = value + _stretch(sizes, np.ones(len(sizes)) if shares is None else shares) * (bounds - value)
     return Estimate(value, float(low), float(high))
 
 
-def _stretch(units: int, freedom: int) -> float:
-    """Width of Student's interval over that of the percentile bootstrap, for units with these degrees of freedom."""
+def _stretch(sizes: Int[ndarray, " strata"], shares: Float[ndarray, " strata"]) -> float:
+    """Width of Student's interval over that of the percentile bootstrap, for a mean of strata of these sizes.
+
+    `shares` are the weights of a unit of each.
+    """
+    squares = (shares / shares.max()) ** 2  # 1 where all units weigh alike, and all that follows is exact
+    seen = (sizes - 1) * squares
+    freedom = float(seen.sum() ** 2 / (seen @ squares))
     upper = (1 + LEVEL) / 2
-    return float(student.ppf(upper, freedom) / norm.ppf(upper)) * (units / freedom) ** 0.5
+    return float(student.ppf(upper, freedom) / norm.ppf(upper)) * float(sizes @ squares / seen.sum()) ** 0.5
 
 
 def _strata(columns: Sequence[Values], decisive: int | None = None) -> list[list[list[float]]]:

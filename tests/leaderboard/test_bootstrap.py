@@ -42,6 +42,17 @@ def test_intervals_of_few_units_hold_the_true_mean_as_often_as_they_say(cloths, 
     assert hits / trials == pytest.approx(0.95, abs=0.03)
 
 
+@pytest.mark.parametrize("seeds", [(4, 4), (2, 6, 6, 6), (2, 12)])
+def test_intervals_of_geometric_means_hold_the_truth_however_many_seeds_each_cloth_has(seeds):
+    """Log-normal values; as of cells that all weigh alike, the last two would hold it in 90 and 79 % of cases."""
+    generator, hits, trials = np.random.default_rng(sum(seeds)), 0, 400
+    for _ in range(trials):
+        cells = [(str(cloth), seed) for cloth, number in enumerate(seeds) for seed in range(number)]
+        interval = geometric_mean({cell: generator.normal(3 * int(cell[0]), 1) for cell in cells}, generator)
+        hits += interval.low <= np.exp(3 * (len(seeds) - 1) / 2) <= interval.high
+    assert hits / trials >= 0.925  # 95 % less two standard errors; too wide is on the safe side
+
+
 def test_a_mean_of_values_that_are_never_negative_is_not_negative(noise):
     errors = {("blue", 0): 0.001, ("red", 0): 0.001, ("white", 0): 0.1}
     assert estimate(errors, mean, noise).low == 0
