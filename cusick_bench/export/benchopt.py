@@ -97,8 +97,7 @@ def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSet
 def _dataset(name: str, data: str) -> str:
     dataset: DrapeDataset = load_once(Source(data))
     place = data if data in REGISTRY else str(Path(data).expanduser().resolve())
-    shown = re.sub(r'["\\]', "'", dataset.name)  # in a docstring, whose end a folder's name may hold
-    of = "the shipped synthetic set" if data == _SHIPPED else f"`{shown}`"
+    of = "the shipped synthetic set" if data == _SHIPPED else f"`{_in_docstring(dataset.name)}`"
     return fill(
         "benchopt/dataset.py",
         summary=f"Drapes of {of}, a cloth at a time",
@@ -114,10 +113,15 @@ def _solver(solver: Solver, text: str, package: str | None) -> str:
     given = [setting.partition("=")[0].strip() for setting in text.split(",")[1:]]
     return fill(
         "benchopt/solver.py",
-        summary=solver.summary[:1].upper() + solver.summary[1:] or solver.name,
+        summary=_in_docstring(solver.summary[:1].upper() + solver.summary[1:] or solver.name),
         reference=literal(solver.reference) if solver.reference else "",
         name=literal(solver.name),
         parameters=repr({option: [solver.options[option]] for option in given}),
         requirements=literal(["pip::cusick-bench", *([] if package is None else [f"pip::{package}"])]),
         searches=solver.kind == "solver",
     )
+
+
+def _in_docstring(text: str) -> str:
+    """Text of others without what would end a docstring, or be an escape in it, as `\\xi` in a solver's summary."""
+    return re.sub(r'["\\]', "'", text)

@@ -53,6 +53,7 @@ class FieldSpace(ParameterSpace):
 
     name: ClassVar[str] = "field"
     version: ClassVar[int] = 2
+    lays_down: ClassVar[bool] = True
 
     @property
     def dimension(self) -> int:

@@ -46,6 +46,7 @@ class ParameterSpace(ABC):
         cloth_radius: Nominal radius of the cloth [m].
         name: Name of the space.
         version: Raised by 1 whenever another specimen stands for a vector; results of before are computed again.
+        lays_down: Whether its vectors say how a specimen is laid down, so that the problem's own way is not used.
     """
 
     mesh: Mesh
@@ -55,6 +56,7 @@ class ParameterSpace(ABC):
     name: ClassVar[str]
     version: ClassVar[int] = 1
     differentiable: ClassVar[bool] = True
+    lays_down: ClassVar[bool] = False
 
     @property
     @abstractmethod

@@ -15,7 +15,7 @@ from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical, parse_
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled, unspaced
-from cusick_bench.runner.numerics import cell_numerics
+from cusick_bench.runner.numerics import cell_numerics, sought_at_rest
 from cusick_bench.runner.samples import seen_of_samples
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -241,7 +241,7 @@ def plan(
 
     Raises:
         CusickError: An unknown solver or cloth, no solver, one that knows no effects where some are asked for or not
-            the law, or a cloth to be simulated has no areal density.
+            the law, a setting that would change nothing, or a cloth to be simulated has no areal density.
     """
     if not solvers:
         raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
@@ -253,6 +253,8 @@ def plan(
     if asked.causes and meshed:
         raise RunnerError(f"{meshed[0]} balances forces without draping, so it knows no effects; run it without")
     posed = {text: _settings_for(solver, asked) for text, solver in made.items()}
+    for text, own in posed.items():
+        _require_effective(text, made[text], own)
     if asked.drape.law == "plate" and meshed:
         raise RunnerError(
             f"{meshed[0]} balances forces of faces and hinges at vertices, and law plate has none there; run it with "
@@ -307,6 +309,20 @@ def _settings_for(solver: Solver, asked: ProblemSettings) -> ProblemSettings:
     """The settings in a solver's own parameter space; a solver that does not simulate meets no effects."""
     causes = asked.causes if solver.kind == "solver" else ()
     return replace(asked, space=solver.space or asked.space, causes=causes)
+
+
+def _require_effective(text: str, solver: Solver, own: ProblemSettings) -> None:
+    """Refuses settings that would be part of a cell's name and change nothing in it."""
+    if solver.kind != "solver":
+        return
+    if own.laying != LAYINGS[0] and SPACES[own.space].lays_down:
+        raise RunnerError(
+            f"laying must be {LAYINGS[0]} in the space {own.space}, whose parameters say how the cloth is laid down, "
+            f"got {own.laying}; run {text} without --laying"
+        )
+    if solver.pace_of_draws != "steady" and sought_at_rest(own.drape, own.causes):
+        why = "mode equilibrium" if own.drape.mode == "equilibrium" else "self-contact, which is known at rest only"
+        raise RunnerError(f"pace {solver.pace_of_draws} is for drops, got {why}; run {text} with pace=steady")
 
 
 def require_space(solvers: Iterable[str], space: str) -> None:

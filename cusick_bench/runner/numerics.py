@@ -94,10 +94,9 @@ def cell_numerics(
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
         versions |= raised_versions("space", [SPACES[solver.space or space]])
-        acting = [parse(cause).effect for cause in causes]
-        if drape.mode == "equilibrium" or any(one.kind == "contact" for one in acting):  # contact is known at rest only
+        if sought_at_rest(drape, causes):
             versions["branch"] = followed_branch.NUMERICS_VERSION
-        versions |= raised_versions("effect", acting)
+        versions |= raised_versions("effect", [parse(cause).effect for cause in causes])
     if both_faces:
         versions["both faces"] = BOTH_FACES
     if repeats:
@@ -105,6 +104,19 @@ def cell_numerics(
     if pinhole:
         versions["perspective"] = hanging_line.NUMERICS_VERSION
     return dict(sorted(versions.items()))
+
+
+def sought_at_rest(drape: DrapeSettings, causes: Iterable[str] = ()) -> bool:
+    """Whether drapes are equilibria instead of a drop's end.
+
+    Args:
+        drape: How they are simulated.
+        causes: What is simulated that the base model leaves out.
+
+    Returns:
+        True in mode `equilibrium`, and with self-contact, which is known at rest only.
+    """
+    return drape.mode == "equilibrium" or any(parse(cause).effect.kind == "contact" for cause in causes)
 
 
 def diagnosis_numerics(**above: int) -> dict[str, int]:

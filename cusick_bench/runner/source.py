@@ -1,6 +1,7 @@
 """Source of a run's data, and the data themselves, loaded once in each process."""
 
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -101,6 +102,21 @@ def load_planned(source: Source, dataset_hash: str) -> DrapeDataset:
             remedy="repeat the command, which plans anew",
         )
     return dataset
+
+
+def require_unchanged(source: Source, planned: Iterable[str]) -> None:
+    """Makes sure that the data are still those that cells were planned for, whatever this process has loaded before.
+
+    Args:
+        source: Where they come from.
+        planned: Content hashes, from the cells.
+
+    Raises:
+        DataError: They cannot be loaded, or are others by now.
+    """
+    load_afresh(source)
+    for dataset_hash in sorted(set(planned)):
+        load_planned(source, dataset_hash)
 
 
 @lru_cache(maxsize=1)  # a data set is frozen, and its files are taken not to change while a grid runs

@@ -162,6 +162,9 @@ class Mirror(Solver):
 """
 
 
+SUMMARY = r'descent along \xi, "exact"'  # \x would be an escape without its digits
+
+
 @pytest.fixture
 def another_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A solver of a package whose name is unlike its module's."""
@@ -217,6 +220,16 @@ def test_a_folder_whose_name_ends_a_docstring_is_no_code(make_lab, tmp_path: Pat
         compile((tmp_path / "datasets" / "drapes.py").read_text(), "drapes.py", "exec")
     finally:
         odd.rename(lab)
+
+
+def test_a_summary_of_another_package_is_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    name = 'name: ClassVar[str] = "mirror"'
+    odd = ANOTHER.replace(name, f"{name}\n    summary: ClassVar[str] = {SUMMARY!r}")
+    install(monkeypatch, tmp_path / "site", "cusick_mirror", odd, {"mirror": "Mirror"}, distribution="silk-mirrors")
+    write_benchmark(tmp_path / "b", solvers=["mirror"], settings=TOY)
+    text = (tmp_path / "b/solvers/mirror.py").read_text()
+    compile(text, "mirror.py", "exec")
+    assert text.splitlines()[0] == '"""Descent along \'xi, \'exact\'."""'
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other file systems have names in Unicode only")

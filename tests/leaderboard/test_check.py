@@ -22,7 +22,7 @@ from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
 from cusick_bench.leaderboard.gate.check import Gate, check
 from cusick_bench.leaderboard.gate.paired import compare, holm
 from cusick_bench.problem import Budget
-from cusick_bench.runner import ProblemSettings, Source, Store, plan, run
+from cusick_bench.runner import ProblemSettings, Source, Store, plan, run, shard
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.sim.engine.settings import DrapeSettings
 
@@ -327,6 +327,17 @@ class TestRun:
         assert len(read_cells(folder)) == CLOTHS_RUN
         shutil.rmtree(new.pop())
         with pytest.raises(LeaderboardError, match=r"is not finished: 1 cells were cut off or not begun.*repeat"):
+            read_cells(folder)
+
+    def test_a_part_of_the_grid_that_was_stopped_is_not_made_up_for_by_another_part(self, lab, tmp_path):
+        cells = plan(load(lab), solvers=["null:disc", "null:copy"], settings=ProblemSettings(vertices=97))
+        folder = tmp_path / "shards"
+        for part in ("1/2", "2/2"):
+            command = ["cusick-bench", "run", "--out", "shards", "--shard", part]
+            run(Source(str(lab)), shard(cells, part), folder, command=command)
+        assert len(read_cells(folder)) == len(cells)
+        shutil.rmtree(folder / "cells" / cells[0].key)  # as where it was never begun
+        with pytest.raises(LeaderboardError, match=rf"is not finished: 1 cells .* such as {cells[0].key}"):
             read_cells(folder)
 
 

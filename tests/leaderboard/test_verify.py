@@ -15,6 +15,7 @@ from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.learning_curve import learning_splits
+from cusick_bench.leaderboard.verification.comparison import stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import altered, append, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
@@ -175,6 +176,13 @@ class TestCells:
         change_json(folder / "result.json", change)
         found = verify_cell(folder, dataset)
         assert (found.status, [check.name for check in found.broken]) == ("differs", ["stiffness"])
+
+    def test_a_comparison_with_another_truth_is_told_as_such(self):
+        """As where a laboratory takes a `truth.json` away, or has measured its cloth after the fit."""
+        stored = {"truth_ratio": {"stiffness": {"warp": {"value": 2.0}}}}
+        (found,) = stiffness_checks(stored, None)
+        assert not found.holds
+        assert "if that file was changed since, run the cell again into another folder" in found.detail
 
     def test_a_result_of_before_stiffness_was_recorded_is_verified(self, copy, dataset):
         folder = folder_of(copy, "homo")

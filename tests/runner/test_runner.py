@@ -10,6 +10,7 @@ import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,27 @@ class TestGrid:
         assert [cell.solver for cell in cells] == ["bdp,draws=5,steps=4", "bdp,draws=5"]
         (spaced,) = plan(dataset, solvers=[" bdp , draws = 5, steps=4 "], cloths=["fabric_1"], settings=SMALL)
         assert spaced.key == cells[0].key
+
+    def test_a_laid_shape_is_refused_where_it_is_a_parameter(self, dataset):
+        settings = replace(SMALL, laying="random")
+        with pytest.raises(RunnerError, match="laying must be image in the space field"):
+            plan(dataset, solvers=["homo", "bdp-field"], cloths=["fabric_1"], settings=settings)
+        homo, null = plan(dataset, solvers=["homo", "null:disc"], cloths=["fabric_1"], settings=settings)
+        assert homo.settings.laying == null.settings.laying == "random"
+        assert plan(dataset, solvers=["null:disc"], settings=replace(settings, space="field"))
+
+    @pytest.mark.parametrize(
+        ("changed", "why"),
+        [
+            ({"drape": DrapeSettings(law="plate", mode="equilibrium")}, "got mode equilibrium"),
+            ({"causes": ("self-contact:thickness=0.001",)}, "got self-contact"),
+        ],
+    )
+    def test_a_brisk_pace_is_refused_where_nothing_is_dropped(self, dataset, changed, why):
+        settings = replace(SMALL, **changed)
+        with pytest.raises(RunnerError, match=f"pace brisk is for drops, {why}"):
+            plan(dataset, solvers=["bdp-field,pace=brisk"], cloths=["fabric_1"], settings=settings)
+        assert plan(dataset, solvers=["bdp-field"], cloths=["fabric_1"], settings=settings)
 
     def test_key_follows_whatever_decides_the_numbers(self, dataset, monkeypatch):
         def key(solver="homo", seed=0, settings=SMALL, cloth="fabric_1"):

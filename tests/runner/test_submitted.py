@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
+from cusick_bench.datasets.errors import DataError
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Store, Submitted, Unwatched, plan, run
 from cusick_bench.runner.executors.pool import work
@@ -145,6 +146,24 @@ def test_a_task_that_stays_away_is_lost_after_the_grace_period(data, cells, tmp_
     Store(tmp_path).prepare()
     assert Submitted("local").run(Source(str(data)), cells, Store(tmp_path), Unwatched()) == cells
     assert [len(batch.cells) for batch in submitted] == [2, 1, 1]
+
+
+def test_data_that_change_under_a_job_are_named_and_no_cell_has_failed(make_lab, tmp_path, monkeypatch):
+    data = make_lab((2.0,), samples=2)
+    cells, submitted = plan(load(data), solvers=["null:disc", "null:copy"], settings=SETTINGS), list[Batch]()
+    monkeypatch.setitem(sys.modules, "submitit", _submitit_of(float("inf"), submitted))
+    monkeypatch.setitem(POLL_SECONDS, "local", 0.01)
+    monkeypatch.setitem(GRACE_SECONDS, "local", 0.02)
+
+    def queued(*_) -> set[str]:
+        (data / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\nfabric_1,0.3,0.0004\n")
+        return set()
+
+    monkeypatch.setattr(Submitted, "_queued", queued)
+    with pytest.raises(DataError, match=r"not those that the cells were planned for.*repeat the command"):
+        run(Source(str(data)), cells, tmp_path, executor=Submitted("local"))
+    assert len(submitted) == 1  # not once more
+    assert not list(tmp_path.glob("cells/*/result.json"))
 
 
 def _workers(out: Path) -> list[int]:

@@ -105,7 +105,10 @@ def run_command(
     ] = "coverage",
     laying: Annotated[
         str,
-        simulation_option(help="How the cloth is laid down: image, with the training image's folds, or random."),
+        simulation_option(
+            help="How the cloth is laid down: image, with the training image's folds, or random; in the space field it "
+            "is a parameter."
+        ),
     ] = "image",
     with_effect: WithEffect = None,
     executor: Annotated[

@@ -20,6 +20,10 @@ PIXEL = 0.02  # tolerance of a pixel on the outline: the change by a shift of `S
 ROUNDED = 0.51 / 255 + 1e-6  # tolerance of stored draws, which have 255 levels
 METRIC, SLACK = 1e-3, 2e-5  # tolerance of a metric, relative, and absolute where it is near 0
 METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same for metrics of the stored pictures themselves
+_OTHER_TRUTH = (
+    "; a finished cell keeps the truth.json that it was compared with: if that file was changed since, run the cell "
+    "again into another folder"
+)
 
 
 def pixel_tolerance(protocol: Protocol) -> float:
@@ -101,15 +105,16 @@ def stiffness_checks(stored: dict[str, Any], again: FoundStiffness | None) -> It
     """
     document = stiffness_document(again)
     for name in sorted(set(UNITS) & set(stored)):
+        more = _OTHER_TRUTH if name == "truth_ratio" else ""
         claimed, found = (_numbers(values) for values in (stored[name], document[name]))
         if claimed.keys() != found.keys():
             only = sorted(claimed.keys() ^ found.keys())[0]
-            yield Check(name, inf, STATED, f"only one of stored and repeated stiffness has {only}")
+            yield Check(name, inf, STATED, f"only one of stored and repeated stiffness has {only}{more}")
         elif found:
             differences = {key: abs(claimed[key] - value) / (abs(value) or 1.0) for key, value in found.items()}
             worst = max(differences, key=lambda key: differences[key])
             detail = f"{worst}: stored {claimed[worst]:.6g}, now {found[worst]:.6g}"
-            yield Check(name, differences[worst], STATED, detail)
+            yield Check(name, differences[worst], STATED, f"{detail}{more}")
 
 
 def _numbers(document: Any, where: str = "") -> dict[str, float]:

@@ -26,7 +26,7 @@ from cusick_bench.runner.executors.turns import Turns
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.processes import threads_of_new_processes
 from cusick_bench.runner.progress import Watcher
-from cusick_bench.runner.source import Source
+from cusick_bench.runner.source import Source, require_unchanged
 from cusick_bench.runner.store import Store, disk_errors
 from cusick_bench.sim.errors import TimeLimit
 
@@ -188,6 +188,7 @@ class Submitted:
 
         Raises:
             RunnerError: submitit is not installed, there is no Slurm, or it does not take the job.
+            DataError: The data have changed since the cells were planned, so that tasks refuse them.
         """
         if not cells:
             return []
@@ -209,6 +210,8 @@ class Submitted:
             tasks = [_Task(batch, store) for batch in batches]
             with disk_errors(store.out), self._jobs(batches, store) as jobs:
                 lost += self._wait(jobs, tasks, watcher)
+        if lost:
+            require_unchanged(source, (cell.dataset_hash for cell in lost))
         return lost
 
     @contextmanager
