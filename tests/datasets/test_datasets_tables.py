@@ -40,6 +40,22 @@ def test_names_of_fabrics_have_one_spelling():
     assert fabric_key("7.5") == "7.5"
 
 
+def test_a_fabric_is_its_number_or_its_name_where_it_has_none(tmp_path):
+    elsewhere = toy_profile(3, 1, 1)  # of no fabric that is there
+    for path, profile in {
+        "data/Fabric 7 Observations/Sample 1/silhouettes/Fabric_7_Sample_1_Obs_1.png": toy_profile(7, 4, 1),
+        "bnn_image_gt/cotton_blue/cotton_blue_sample_1_Upward_Drape_1.png": toy_profile(7, 1, 1),
+        "bnn_image_gt/wool_red/wool_red_sample_1_Upward_Drape_1.png": elsewhere,
+    }.items():
+        write_image(tmp_path / path, draw(profile))
+    assert load(write_toy(tmp_path)).fabrics == {
+        "fabric_7": "fabric_7",
+        "fabric_7_observations": "fabric_7",
+        "cotton_blue": "fabric_7",
+        "wool_red": "wool_red",
+    }
+
+
 def test_a_fabric_under_two_spellings_is_given_twice(tmp_path):
     table = tmp_path / "fabrics.csv"
     table.write_text("fabric,areal_density_kg_m2\n7,0.2\n7.0,0.3\n")
