@@ -195,6 +195,7 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"px_per_m": 0.723}, r"the plate would be 0.13 px wide, at least 25.6 are plausible, got 0.723 px/m"),
         ({"centre_px": [300, 4]}, r"centre_px must lie in the image, from 0 to 255, got \[300, 4\]"),
         ({"centre_px": [60, 60]}, r"from centre_px to the border are 60.5 px, but the plate's radius is 65.07 px"),
+        ({"camera_height_m": 0.7}, "camera_height_m needs projection, of which only pinhole uses it, got 0.7 alone"),
         ({"image_size_px": 512}, "image_size_px 512 needs px_per_m and centre_px of these images too"),
         ({"image_size_px": 512, "px_per_m": 1446}, "image_size_px 512 needs centre_px of these images too"),
         ({"plate_radius": 0.09}, "unknown key 'plate_radius', which holds 0.09; did you mean 'plate_radius_m'"),
