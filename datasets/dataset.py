@@ -17,6 +17,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.files.fabrics import fabric_name
 from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.layout import inside_root
 from cusick_bench.datasets.files.measure import content_hash
@@ -127,6 +128,12 @@ class DrapeDataset:
     def cloths(self) -> list[str]:
         """Names of the sets, in the table's order."""
         return list(dict.fromkeys(self.table["cloth"]))
+
+    @property
+    def fabrics(self) -> dict[str, str]:
+        """Names of the fabrics by those of the sets: captures, series over time and named set of one share its name."""
+        owners = zip(self.table["fabric"], self.table["cloth"], strict=True)
+        return {cloth: fabric_name(int(number), cloth) for number, cloth in owners}
 
     def __len__(self) -> int:
         return len(self.table)
@@ -290,11 +297,11 @@ class DrapeDataset:
         row = self._row(i)
         density = float(row["areal_density"])
         if not density > 0 or not math.isfinite(density):
-            key = f"fabric_{row['fabric']}" if row["fabric"] else row["cloth"]
+            line = f"{self.fabrics[row['cloth']]},<kg/m2>,"
             raise DataError(
                 f"areal density of {row['cloth']} must be > 0 kg/m2, got {density}",
                 where=self.root,
-                remedy=f"weigh the cloth and add `{key},<kg/m2>,` to {self.root / 'fabrics.csv'} "
+                remedy=f"weigh the cloth and add `{line}` to {self.root / 'fabrics.csv'} "
                 "(columns fabric,areal_density_kg_m2,thickness_m), or give --fabrics-csv",
                 kind="density-missing",
             )

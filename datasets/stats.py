@@ -201,8 +201,7 @@ def statistics(
     wanted = dataset.cloths if cloths is None else [cloths] if isinstance(cloths, str) else list(cloths)
     for cloth in wanted:
         dataset.select(cloth=cloth)  # raises for a name that is not there
-    owners = zip(dataset.table["cloth"], dataset.table["fabric"], strict=True)
-    fabric = {cloth: number or cloth for cloth, number in owners}  # a named set without its captures has no number
+    fabric = dataset.fabrics
     compared = [cloth for cloth in dataset.cloths if _is_plain(dataset, cloth)] or dataset.cloths
     means: dict[str, tuple[ndarray, float]] = {}
     found: dict[str, _Cloth] = {}

@@ -19,6 +19,7 @@ from cusick_bench.garment.measurement import SkirtMeasures, measure, spread
 from cusick_bench.garment.motion import WaistMotion
 from cusick_bench.garment.skirt import KINDS, Skirt, SkirtSize
 from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.errors import DrapeDiverged
 
 _LAYING_LENGTH = 0.08  # [m] correlation length of the height in which a skirt is put on
 _MOST_HEIGHT = 0.1  # [m] largest standard deviation of that height
@@ -123,6 +124,7 @@ def wear(cloth: Cloth, wearing: Wearing, progress: Progress = _unwatched) -> Wor
         The skirts.
 
     Raises:
+        DrapeDiverged: A skirt flies apart; the cloth is named.
         CusickError: A pattern that cannot be cut or simulated.
     """
     seed, draws = wearing.seed, wearing.draws
@@ -133,10 +135,13 @@ def wear(cloth: Cloth, wearing: Wearing, progress: Progress = _unwatched) -> Wor
     def watched(what: str) -> Callable[[int, int], None]:
         return lambda done, total: progress(what, done, total)
 
-    rest, resting = hang(fitting, _laid(pattern, wearing), progress=watched("hanging"))
-    times, frames = np.zeros(0), np.zeros((0, *rest.positions.shape))
-    if wearing.motion is not None:
-        times, frames = walk(fitting, rest, wearing.motion, progress=watched("moving the waist"))
+    try:
+        rest, resting = hang(fitting, _laid(pattern, wearing), progress=watched("hanging"))
+        times, frames = np.zeros(0), np.zeros((0, *rest.positions.shape))
+        if wearing.motion is not None:
+            times, frames = walk(fitting, rest, wearing.motion, progress=watched("moving the waist"))
+    except DrapeDiverged as error:
+        raise DrapeDiverged(f"{cloth.name}: {error}") from error
     measures = [measure(pattern, x) for x in rest.positions]
     return Worn(cloth, wearing, pattern, rest.positions, resting, measures, times, frames)
 

@@ -113,12 +113,16 @@ def _captures(
     captures: dict[str, Captures] = {}
     missing: dict[str, str] = {}
     for cloth in cloths:
+        cut = len(set(dataset.select(cloth=cloth).table["sample"]))
+        if cut < LEAST_SAMPLES:
+            missing[cloth] = _too_few(cut, cut)
+            continue
         try:
             own = read_captures(dataset, cloth, force=options.force)
         except (DataError, DiagnosisError) as error:
             missing[cloth] = str(error)
             continue
-        usable, cut = (len(set(samples)) for samples in (own.sample, dataset.select(cloth=cloth).table["sample"]))
+        usable = len(set(own.sample))
         if usable < LEAST_SAMPLES:
             missing[cloth] = _too_few(usable, cut)
         else:

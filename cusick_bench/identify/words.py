@@ -95,15 +95,11 @@ def left_out_notes(dataset: DrapeDataset, fabric: str) -> list[str]:
     ]
 
 
-def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
+def _fit_advice(dataset: DrapeDataset, own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
     """What to do where there is no stiffness."""
     if fit_missing.startswith(UNWEIGHED):
-        number = int(own["fabric"].iloc[0])
-        given = (
-            f'for photographs --weight "{number}=180 g/m2", in a data set a line fabric_{number},0.18, in fabrics.csv'
-            if number
-            else f"a line {fabric},0.18, in fabrics.csv"  # a named set, which photographs never become
-        )
+        number, line = int(own["fabric"].iloc[0]), f"a line {dataset.fabrics[fabric]},0.18, in fabrics.csv"
+        given = f'for photographs --weight "{number}=180 g/m2", in a data set {line}' if number else line
         return [f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: {given}."]
     if fit_missing.startswith(FAILED):
         return [
@@ -173,7 +169,7 @@ def fabric_next(
     if drapes.unusable:
         place = shlex.quote(str(dataset.root))
         todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {place}")
-    todo += _fit_advice(own, fabric, fit_missing) + _sample_advice(dataset, own) + _face_advice(own)
+    todo += _fit_advice(dataset, own, fabric, fit_missing) + _sample_advice(dataset, own) + _face_advice(own)
     if diagnosis is not None:
         todo += [f"{one.name}: {one.what}" for one in diagnosis.next[:_MOST_ADVICE]]
         todo += [f"Simulate this cloth with --with-effect {one}" for one in diagnosis.with_effect]
@@ -209,7 +205,7 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             f"For a diagnosis drape samples of {2e3 * protocol.standard_cloth_radius_m:.0f} mm over this plate: it "
             "knows only the ratio of 18 to 30 cm. Stiffness does not need them."
         )
-    if len({number or cloth for cloth, number in zip(table["cloth"], table["fabric"], strict=True)}) == 1:
+    if len(set(dataset.fabrics.values())) == 1:
         todo.append(
             "Picture other fabrics on the same bench: what all of them show belongs to the bench, not the cloth."
         )

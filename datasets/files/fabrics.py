@@ -50,6 +50,19 @@ def fabric_key(name: str) -> str:
     return f"fabric_{int(numbered[1])}{numbered[2] or ''}" if numbered else key
 
 
+def fabric_name(number: int, cloth: str) -> str:
+    """Name of the fabric that a set shows: its number, or the set's name where it has none.
+
+    Args:
+        number: Number of the fabric; 0 of a named set whose captures are not there.
+        cloth: Name of the set.
+
+    Returns:
+        The name, the same for all sets of a fabric, spelt as `fabric_key` does.
+    """
+    return f"fabric_{number}" if number else cloth
+
+
 def read_fabrics(path: Path) -> dict[str, Fabric]:
     """Reads `fabric,areal_density_kg_m2,thickness_m,...`; an empty field means unknown.
 

@@ -102,7 +102,7 @@ class Layout:
         """
         captures = [entry for entry in self.silhouettes if not entry.is_named] or self.silhouettes
         return {
-            "fabrics": len({entry.fabric or entry.cloth for entry in captures}),
+            "fabrics": len({fabrics.fabric_name(entry.fabric, entry.cloth) for entry in captures}),
             "samples": len({(entry.cloth, entry.sample) for entry in captures}),
             "silhouettes": len(captures),
             "meshes": len(self.meshes),

@@ -266,8 +266,8 @@ def read_protocol(path: Path) -> Protocol:
         The nominal values.
 
     Raises:
-        BadTable: Not a JSON object, a value that breaks its rule, a key that is given twice, or an unknown key that
-            may be meant for a known one.
+        BadTable: Not a JSON object, a value that breaks its rule, a key that is given twice or lacks another one, or an
+            unknown key that may be meant for a known one.
     """
     document = read_object(path, "protocol-invalid")
     known = {item.name for item in fields(Protocol)} - {"extra"}
@@ -282,6 +282,13 @@ def read_protocol(path: Path) -> Protocol:
         raise BadTable(what, where=path, remedy="correct it", kind="protocol-invalid") from error
     if what := _defaults_of_another_size(values):
         raise BadTable(what, where=path, remedy="add them", kind="protocol-invalid")
+    if "camera_height_m" in values and "projection" not in values:
+        raise BadTable(
+            f"camera_height_m needs projection, of which only pinhole uses it, got {protocol.camera_height_m:g} alone",
+            where=path,
+            remedy='add "projection": "pinhole" if perspective is to be taken out of the silhouettes, else "parallel"',
+            kind="protocol-invalid",
+        )
     return protocol
 
 

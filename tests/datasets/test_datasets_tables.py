@@ -40,6 +40,22 @@ def test_names_of_fabrics_have_one_spelling():
     assert fabric_key("7.5") == "7.5"
 
 
+def test_a_fabric_is_its_number_or_its_name_where_it_has_none(tmp_path):
+    elsewhere = toy_profile(3, 1, 1)  # of no fabric that is there
+    for path, profile in {
+        "data/Fabric 7 Observations/Sample 1/silhouettes/Fabric_7_Sample_1_Obs_1.png": toy_profile(7, 4, 1),
+        "bnn_image_gt/cotton_blue/cotton_blue_sample_1_Upward_Drape_1.png": toy_profile(7, 1, 1),
+        "bnn_image_gt/wool_red/wool_red_sample_1_Upward_Drape_1.png": elsewhere,
+    }.items():
+        write_image(tmp_path / path, draw(profile))
+    assert load(write_toy(tmp_path)).fabrics == {
+        "fabric_7": "fabric_7",
+        "fabric_7_observations": "fabric_7",
+        "cotton_blue": "fabric_7",
+        "wool_red": "wool_red",
+    }
+
+
 def test_a_fabric_under_two_spellings_is_given_twice(tmp_path):
     table = tmp_path / "fabrics.csv"
     table.write_text("fabric,areal_density_kg_m2\n7,0.2\n7.0,0.3\n")
@@ -179,6 +195,7 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"px_per_m": 0.723}, r"the plate would be 0.13 px wide, at least 25.6 are plausible, got 0.723 px/m"),
         ({"centre_px": [300, 4]}, r"centre_px must lie in the image, from 0 to 255, got \[300, 4\]"),
         ({"centre_px": [60, 60]}, r"from centre_px to the border are 60.5 px, but the plate's radius is 65.07 px"),
+        ({"camera_height_m": 0.7}, "camera_height_m needs projection, of which only pinhole uses it, got 0.7 alone"),
         ({"image_size_px": 512}, "image_size_px 512 needs px_per_m and centre_px of these images too"),
         ({"image_size_px": 512, "px_per_m": 1446}, "image_size_px 512 needs centre_px of these images too"),
         ({"plate_radius": 0.09}, "unknown key 'plate_radius', which holds 0.09; did you mean 'plate_radius_m'"),

@@ -322,6 +322,10 @@ def test_other_results_are_refused(cell: Path, tmp_path: Path):
         read_material(tmp_path)
     with pytest.raises(ExportError, match="no result at"):
         read_material(tmp_path / "nowhere")
+    for name in ("cell.json", "result.json", "prediction.npz"):
+        with pytest.raises(ExportError, match="is a file of a cell; give the cell's folder, ") as refusal:
+            read_material(cell / name)
+        assert str(refusal.value).endswith(str(cell))
     (cell / "prediction.npz").write_bytes(b"PK")
     with pytest.raises(CusickError, match="run the cell again"):
         read_material(cell)

@@ -103,6 +103,12 @@ def test_a_motion_is_not_asked_of_skirts_that_stand_still(run: Path):
     assert "--motion is about a waist that moves" in " ".join(result.output.split())
 
 
+def test_the_cloth_whose_skirt_flies_apart_is_named(run: Path):
+    result = _compare(str(run), *SMALL, "--amplitude", "20")
+    assert result.exit_code == 2
+    assert "error: limp: a skirt flies apart at" in " ".join(result.output.split())
+
+
 def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
     _cell(run, "heter", "limp", 1e-5)
     result = _compare(str(run), *SMALL)

@@ -15,7 +15,7 @@ from toy_atlas import toy_emulator
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
-from cusick_bench.datasets import load
+from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.stats import statistics
 from cusick_bench.diagnosis.atlas.store import Calibration, save
 from cusick_bench.identify import data as data_of_folder
@@ -230,6 +230,13 @@ def test_samples_whose_pictures_cannot_be_used_do_not_count_for_a_diagnosis(lab,
     )
     assert not documents
     assert missing["fabric_1"].startswith("there are 2 samples of 3 whose pictures can be used")
+
+
+def test_pictures_of_too_few_samples_are_not_read_for_a_diagnosis(lab, tmp_path, monkeypatch):
+    monkeypatch.setattr(DrapeDataset, "sample", lambda dataset, row: pytest.fail("a picture was read"))
+    documents, missing = diagnose_fabrics(str(lab), load(lab), ["fabric_2"], Workspace(tmp_path), Options())
+    assert not documents
+    assert missing["fabric_2"].startswith("there is one sample; ")
 
 
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):

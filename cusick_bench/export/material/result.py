@@ -13,6 +13,7 @@ from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
 from cusick_bench.runner.labels import labelled, recorded_settings
 
 _DOCUMENT = "identify.json"
+_RECORD = "cell.json"
 _REMEDY = "repeat the `cusick-bench run` command, which runs the cell again"
 
 
@@ -37,11 +38,13 @@ def read_material(result: Path, *, fabric: str | None = None, density: float | N
         return _of_cell(result, fabric, density)
     if not document.is_file():
         raise ExportError(f"no result at {result}; give a cell RUN/cells/KEY of `run`, or an {_DOCUMENT}")
+    if (document.parent / _RECORD).is_file():
+        raise ExportError(f"{document} is a file of a cell; give the cell's folder, {document.absolute().parent}")
     return _of_document(document, fabric, density)
 
 
 def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricMaterial:
-    if not (folder / "cell.json").is_file():
+    if not (folder / _RECORD).is_file():
         raise ExportError(f"{folder} is neither a cell nor has it an {_DOCUMENT}; give RUN/cells/KEY or {_DOCUMENT}")
     path = folder / "result.json"
     if not path.is_file():
