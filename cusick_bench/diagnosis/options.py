@@ -8,6 +8,10 @@ from pathlib import Path
 SHIPPED = Path(__file__).parent / "atlas" / "atlas.npz"
 """The fitted atlas of this package."""
 
+LEAST_SAMPLES = 3
+"""Least number of samples, with usable pictures, of a fabric that is diagnosed without being asked for by name: how
+they scatter must be known."""
+
 ONE_SAMPLE = "one simulated sample has no scatter, and so no gap to the data; take 2 or more, or 0 to simulate nothing"
 
 

@@ -12,16 +12,13 @@ from cusick_bench.diagnosis.document.laboratory import write_laboratory
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
-from cusick_bench.diagnosis.options import SHIPPED
+from cusick_bench.diagnosis.options import LEAST_SAMPLES, SHIPPED
 from cusick_bench.diagnosis.options import Options as DiagnosisOptions
 from cusick_bench.files.plain_names import plain_names
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.workspace import Workspace, fingerprint, keep, kept
 from cusick_bench.report.diagnosis.page import write_diagnosis_page
 from cusick_bench.runner.numerics import diagnosis_numerics
-
-LEAST_SAMPLES = 3
-"""Least number of samples, with usable pictures, of a fabric that is diagnosed: how they scatter must be known."""
 
 Progress = Callable[[str, float], None]
 

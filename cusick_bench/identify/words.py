@@ -10,7 +10,7 @@ from cusick_bench.datasets.audit.limits import UNREADABLE
 from cusick_bench.datasets.impossible import impossible, listed
 from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
-from cusick_bench.identify.diagnoses import LEAST_SAMPLES
+from cusick_bench.diagnosis.options import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 

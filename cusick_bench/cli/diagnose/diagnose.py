@@ -103,9 +103,11 @@ def diagnose_data(
 
 
 def _with_samples(dataset: Any) -> list[str]:
-    """Fabrics with at least three samples."""
+    """Fabrics with enough samples to be diagnosed unasked, or all where none has."""
+    from cusick_bench.diagnosis.options import LEAST_SAMPLES
+
     counts = dataset.index.groupby("cloth", sort=False)["sample"].nunique()
-    return [str(name) for name, count in counts.items() if count >= 3] or dataset.cloths
+    return [str(name) for name, count in counts.items() if count >= LEAST_SAMPLES] or dataset.cloths
 
 
 @dataclass(frozen=True)
