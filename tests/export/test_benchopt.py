@@ -225,7 +225,7 @@ def test_a_folder_whose_name_ends_a_docstring_is_no_code(make_lab, tmp_path: Pat
 def test_a_summary_of_another_package_is_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     name = 'name: ClassVar[str] = "mirror"'
     odd = ANOTHER.replace(name, f"{name}\n    summary: ClassVar[str] = {SUMMARY!r}")
-    install(monkeypatch, tmp_path / "site", "cusick_mirror", odd, {"mirror": "Mirror"}, distribution="silk-mirrors")
+    install(monkeypatch, tmp_path / "site", "cusick_described", odd, {"mirror": "Mirror"}, distribution="silk-mirrors")
     write_benchmark(tmp_path / "b", solvers=["mirror"], settings=TOY)
     text = (tmp_path / "b/solvers/mirror.py").read_text()
     compile(text, "mirror.py", "exec")
