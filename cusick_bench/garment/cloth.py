@@ -43,6 +43,7 @@ from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRE
 from cusick_bench.problem.scene import parse_causes
 from cusick_bench.runner.cell import stored_posterior
 from cusick_bench.runner.labels import recorded_settings
+from cusick_bench.runner.store import CELL_FILE, PREDICTION_FILE
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, Law
@@ -177,7 +178,7 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     record, arrays, density = _found_by(folder)
     law: Any = recorded_settings(record)["drape"].get("law", "paper")
     if not isinstance(law, str) or law not in BENDING_TABLE_FACTOR:
-        raise GarmentError(f"{folder / 'cell.json'}: law must be plate, paper or published, got {law!r}")
+        raise GarmentError(f"{folder / CELL_FILE}: law must be plate, paper or published, got {law!r}")
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
     source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
@@ -233,7 +234,7 @@ def _draped_density(record: dict[str, Any], nominal: float) -> float:
 
 def _found_by(folder: Path) -> tuple[dict[str, Any], dict[str, ndarray], float]:
     """Record and arrays of a cell that has found stiffness, and its nominal areal density [kg/m2]."""
-    record, arrays = _read_record(folder), _read_arrays(folder / "prediction.npz")
+    record, arrays = _read_record(folder), _read_arrays(folder / PREDICTION_FILE)
     missing = [name for name in ("stretch", "bending", "density") if name not in arrays]
     if missing:
         raise GarmentError(
@@ -268,7 +269,7 @@ def law_of_garment(law: str) -> Law:
 
 
 def _read_record(folder: Path) -> dict[str, Any]:
-    path = folder / "cell.json"
+    path = folder / CELL_FILE
     if not folder.is_dir():
         raise GarmentError(f"no result at {folder}; give a cell's folder of a run, OUT/cells/HASH")
     try:

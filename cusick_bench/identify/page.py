@@ -36,6 +36,7 @@ from cusick_bench.report.run.content import (
     stiffness_picture,
     with_plate,
 )
+from cusick_bench.runner.store import RESULT_FILE
 
 _MICRO = 1e6
 _MOST_OTHERS = 48  # drapes of other samples whose range a graph shows
@@ -278,7 +279,7 @@ def _with_fit(
     folder = workspace.out / fit.path
     try:
         view = load_cell_view(folder, dataset.protocol)
-        found = read_stiffness(read_json_object(folder / "result.json", remedy=""))
+        found = read_stiffness(read_json_object(folder / RESULT_FILE, remedy=""))
     except (ReportError, BadFile, ValueError) as error:
         damaged = f"The pictures of the fit cannot be shown ({error}); remove {workspace.run} and repeat the command."
         return replace(section, pictures=_silhouette(dataset, cloth), notes=(*section.notes, damaged))

@@ -19,6 +19,7 @@ from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.stiffness import stiffness_scores
 from cusick_bench.metrics.found_stiffness import FoundStiffness
+from cusick_bench.solvers.base import Solver
 
 METRICS = ("test_mse", "test_energy_distance", "test_dc_crps", "test_dc_cover_50", "test_dc_cover_90")
 """Columns of `Cells.table` that a curve shows."""
@@ -96,6 +97,21 @@ def _dealt(sides: Sequence[str], unseen: int) -> tuple[list[int], list[int]]:
     steps = (np.arange(count) + 0.5) * (len(alike) - 1) / max(count, 1)
     held = {alike[1 + int(step)] for step in steps if len(alike) > 1}
     return [number for number in alike if number not in held], sorted({*held, *turned})
+
+
+def numbers_without_more(solver: Solver, samples: Sequence[int]) -> list[int]:
+    """Numbers of training samples of which a solver uses no more than of a smaller one, so that its fits are the same.
+
+    Args:
+        solver: The solver.
+        samples: Numbers of training samples.
+
+    Returns:
+        Those of them, in order.
+    """
+    counts = sorted(set(samples))
+    used = [solver.samples_used(count) for count in counts]
+    return [count for number, count in enumerate(counts) if used[number] in used[:number]]
 
 
 def learning_curve(cells: Cells, *, seed: int = 0) -> list[LearningStep]:

@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from cusick_bench.files import BadFile, read_npz
 from cusick_bench.report.errors import ReportError
+from cusick_bench.runner.store import PREDICTION_FILE
 
 T = TypeVar("T")
 
@@ -27,7 +28,7 @@ def read_prediction(folder: Path, understand: Callable[[Mapping[str, ndarray]], 
     Raises:
         ReportError: The file is missing, damaged or oversized; the message says which it is and what to do.
     """
-    path, remedy = folder / "prediction.npz", "delete the cell's folder and run it again"
+    path, remedy = folder / PREDICTION_FILE, "delete the cell's folder and run it again"
     try:
         return understand(read_npz(path, remedy=remedy))
     except BadFile as error:

@@ -41,7 +41,7 @@ from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
-from cusick_bench.runner.store import Store, disk_errors, ends_grid, write_json
+from cusick_bench.runner.store import CELL_FILE, PREDICTION_FILE, RESULT_FILE, Store, disk_errors, ends_grid, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
@@ -173,14 +173,14 @@ def run_cell(
         if store.is_done(cell.key):  # by another process, after the first look and before the claim
             return store.result(cell.key)
         record = cell.record()
-        write_json(folder / "cell.json", record)
+        write_json(folder / CELL_FILE, record)
         try:
             result = record | _attempt(dataset, cell, folder, report, simulators) | {"code": code_state()}
         except StaleJournal as error:
             _log.warning("%s; the cell is run again from its start", error)
             forget(folder)
             result = record | _attempt(dataset, cell, folder, report, simulators) | {"code": code_state()}
-        write_json(folder / "result.json", result)
+        write_json(folder / RESULT_FILE, result)
         if result["status"] == "done":
             store.mark_done(cell.key)
         return result
@@ -207,7 +207,7 @@ def _attempt(
         report(1.0, meter.best_loss, "scoring")
         metrics = score_cell(dataset, cell, prediction)
         found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
-        _write_prediction(folder / "prediction.npz", prediction, problem, drawn)
+        _write_prediction(folder / PREDICTION_FILE, prediction, problem, drawn)
         outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
         outcome |= stiffness_document(found)
         outcome |= {"notes": prediction.notes} if prediction.notes else {}
@@ -357,7 +357,7 @@ def load_prediction(folder: Path) -> dict[str, np.ndarray]:
     Returns:
         Arrays by name: `train_image`, `train_target`, `draws`, and what else the solver answered.
     """
-    return read_npz(folder / "prediction.npz", remedy="delete the cell's folder and run it again")
+    return read_npz(folder / PREDICTION_FILE, remedy="delete the cell's folder and run it again")
 
 
 def stored_posterior(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -381,4 +381,4 @@ def load_cell(folder: Path) -> dict[str, Any]:
     Returns:
         What was asked.
     """
-    return read_json_object(folder / "cell.json", remedy="delete the cell's folder and run it again")
+    return read_json_object(folder / CELL_FILE, remedy="delete the cell's folder and run it again")

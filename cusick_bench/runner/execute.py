@@ -21,7 +21,7 @@ from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.results import Results
 from cusick_bench.runner.source import Source, load_once, load_planned
-from cusick_bench.runner.store import Store, disk_errors, locked, read_json, write_json
+from cusick_bench.runner.store import RESULT_FILE, Store, disk_errors, locked, read_json, write_json
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
@@ -120,7 +120,7 @@ def _record_death(cell: Cell, failure: str, store: Store, watcher: Watcher) -> N
     folder = store.folder(cell.key)
     with disk_errors(store.out):
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(folder / "result.json", cell.record() | outcome | {"code": code_state()})
+        write_json(folder / RESULT_FILE, cell.record() | outcome | {"code": code_state()})
     watcher.end(cell, "failed", failure)
 
 

@@ -33,7 +33,13 @@ except ImportError:  # Windows: two runs of one cell at the same time are not no
 
 _log = logging.getLogger(__name__)
 
-MARKED = ("cell.json", "trace.jsonl", "prediction.npz", "result.json")
+CELL_FILE = "cell.json"
+"""What was asked of a cell."""
+RESULT_FILE = "result.json"
+"""What a cell cost, and its metrics."""
+PREDICTION_FILE = "prediction.npz"
+"""A cell's answer."""
+MARKED = (CELL_FILE, "trace.jsonl", PREDICTION_FILE, RESULT_FILE)
 """Files of a finished cell that its marker stands for."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
@@ -268,7 +274,7 @@ class Store:
         Raises:
             RunnerError: It is damaged.
         """
-        return read_json(self.folder(key) / "result.json")
+        return read_json(self.folder(key) / RESULT_FILE)
 
     def mark_done(self, key: str) -> None:
         """Says that a cell is finished and never to be written again.

@@ -20,10 +20,12 @@ from cusick_bench.leaderboard.learning_curve import (
     USUAL_UNSEEN,
     learning_curve,
     learning_splits,
+    numbers_without_more,
     samples_of_split,
     split_name,
 )
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
+from cusick_bench.solvers.registry import make_solver
 
 TRUTH = {"weft": 1e-6, "bias": 2e-6, "warp": 4e-6}
 
@@ -79,6 +81,13 @@ def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -
     assert turned.index.loc[list(after.train), "side"].nunique() == 1
     with pytest.raises(LeaderboardError, match="of which 8 show the face"):
         learning_splits(turned, ["fabric_1"], [9], 4)
+
+
+@pytest.mark.parametrize(
+    ("solver", "same"), [("heter", [2, 4]), ("bdp-field", []), ("bdp-field,samples=2", [4]), ("null:copy", [2, 4])]
+)
+def test_solvers_that_use_no_more_samples_fit_the_same_again(solver: str, same: list[int]) -> None:
+    assert numbers_without_more(make_solver(solver), [4, 1, 2, 2]) == same
 
 
 def cells_of(rows: list[dict[str, Any]]) -> Cells:
@@ -137,6 +146,7 @@ def test_the_command_goes_on_and_writes_a_row_for_each_number(tmp_path: Path, on
     arguments += ["--solver", "null:random-phase,draws=3", "--solver", "sobol", "--json"]
     found = CliRunner().invoke(app, [str(one) for one in arguments])
     assert found.exit_code == 0, found.output
+    assert "sobol uses no more of 2 samples than of fewer" in found.stderr
     steps = json.loads(found.stdout)["steps"]
     assert sorted((step["solver"], step["samples"]) for step in steps) == [
         ("null:random-phase,draws=3", 1), ("null:random-phase,draws=3", 2), ("sobol", 1), ("sobol", 2)

@@ -73,27 +73,38 @@ def learning_curve_command(
     import pandas as pd
 
     from cusick_bench.files.csv_text import csv_text
-    from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits, split_name
+    from cusick_bench.leaderboard.learning_curve import (
+        learning_curve,
+        learning_splits,
+        numbers_without_more,
+        split_name,
+    )
     from cusick_bench.problem import Budget as Limit
     from cusick_bench.runner import ProblemSettings, Source, load_once, plan
     from cusick_bench.runner.store import write_atomically
     from cusick_bench.sim.engine.settings import DrapeSettings
+    from cusick_bench.solvers.registry import make_solver
 
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     dataset = load_once(source)
     settings = ProblemSettings(vertices=vertices, drape=DrapeSettings(law=law.value), budget=Limit(budget))
+    counts, solvers = learn_from or [1, 2, 4, 8], solver or [_SOLVER]
     planned = [
         cell
-        for count, splits in learning_splits(dataset, cloth, learn_from or [1, 2, 4, 8], unseen).items()
+        for count, splits in learning_splits(dataset, cloth, counts, unseen).items()
         for cell in plan(
             dataset,
-            solvers=solver or [_SOLVER],
+            solvers=solvers,
             seeds=list(range(seed, seed + seeds)),
             settings=settings,
             protocol=split_name(count, unseen),
             splits=splits,
         )
     ]
+    for text in solvers:
+        if repeated := numbers_without_more(make_solver(text), counts):
+            numbers = ", ".join(map(str, repeated))
+            tell(f"{text} uses no more of {numbers} samples than of fewer: its fits of them are the same ones again")
     cells = run_planned(source, planned, out, workers=workers, force=force)
     steps = learning_curve(cells)
     path = out / "learning-curve.csv"

@@ -15,6 +15,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE, STATED
 from cusick_bench.runner.labels import unspaced
+from cusick_bench.runner.store import CELL_FILE
 
 if TYPE_CHECKING:
     from cusick_bench.leaderboard.cells.loading import Cells
@@ -57,7 +58,7 @@ def verify_command(
     from cusick_bench.leaderboard.verification.verify import keep, verify_cell
     from cusick_bench.sim.setup import Simulators
 
-    run = target.parent.parent if (target / "cell.json").is_file() else target
+    run = target.parent.parent if (target / CELL_FILE).is_file() else target
     cells = load_cells(run, changed=True)
     table = cells.table
     if run != target:

@@ -11,9 +11,9 @@ from cusick_bench.garment.cloth import density_of_cell
 from cusick_bench.identify.document import FabricIdentity, IdentifyDocument
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
 from cusick_bench.runner.labels import labelled, recorded_settings
+from cusick_bench.runner.store import CELL_FILE, RESULT_FILE
 
 _DOCUMENT = "identify.json"
-_RECORD = "cell.json"
 _REMEDY = "repeat the `cusick-bench run` command, which runs the cell again"
 
 
@@ -38,15 +38,15 @@ def read_material(result: Path, *, fabric: str | None = None, density: float | N
         return _of_cell(result, fabric, density)
     if not document.is_file():
         raise ExportError(f"no result at {result}; give a cell RUN/cells/KEY of `run`, or an {_DOCUMENT}")
-    if (document.parent / _RECORD).is_file():
+    if (document.parent / CELL_FILE).is_file():
         raise ExportError(f"{document} is a file of a cell; give the cell's folder, {document.absolute().parent}")
     return _of_document(document, fabric, density)
 
 
 def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricMaterial:
-    if not (folder / _RECORD).is_file():
+    if not (folder / CELL_FILE).is_file():
         raise ExportError(f"{folder} is neither a cell nor has it an {_DOCUMENT}; give RUN/cells/KEY or {_DOCUMENT}")
-    path = folder / "result.json"
+    path = folder / RESULT_FILE
     if not path.is_file():
         raise ExportError(f"{folder} has no result.json: the cell has not finished; {_REMEDY}")
     result = read_json_object(path, remedy=_REMEDY)

@@ -20,7 +20,7 @@ from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
 from cusick_bench.runner.labels import numerics_text, unspaced
-from cusick_bench.runner.store import Store
+from cusick_bench.runner.store import CELL_FILE, RESULT_FILE, Store
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")
@@ -84,7 +84,7 @@ class Cells:
         damaged = [cell for cell in self.skipped if cell.status == "damaged"]
         if damaged:
             more = f" ({len(damaged) - 1} more are damaged)" if len(damaged) > 1 else ""
-            raise LeaderboardError(f"{damaged[0].folder / 'result.json'}: {damaged[0].reason}{more}")
+            raise LeaderboardError(f"{damaged[0].folder / RESULT_FILE}: {damaged[0].reason}{more}")
 
 
 def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:
@@ -183,15 +183,15 @@ def _read_cell(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
     try:
         return _read_result(folder, changed)
     except FileNotFoundError:
-        asked = _asked(folder / "cell.json")
+        asked = _asked(folder / CELL_FILE)
         return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **asked)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        asked = _asked(folder / "cell.json")
+        asked = _asked(folder / CELL_FILE)
         return Skipped(folder, "damaged", f"{error}; repeat the run command, which runs the cell again", **asked)
 
 
 def _read_result(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
-    result = _read_json(folder / "result.json")
+    result = _read_json(folder / RESULT_FILE)
     for name in _REQUIRED:
         if name not in result:
             raise ValueError(f"result.json lacks {name!r}")

@@ -35,7 +35,7 @@ from cusick_bench.metrics.prediction_score import from_levels
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.cell import score_cell, stored_posterior, true_stiffness
-from cusick_bench.runner.store import read_json
+from cusick_bench.runner.store import CELL_FILE, PREDICTION_FILE, read_json
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
@@ -82,7 +82,7 @@ def read_record(folder: Path) -> dict[str, Any]:
         RunnerError: It is damaged.
         LeaderboardError: It is missing.
     """
-    path = folder / "cell.json"
+    path = folder / CELL_FILE
     if not path.is_file():
         raise LeaderboardError(f"{folder} has no cell.json; give a cell's folder or that of `cusick-bench run --out`")
     return read_json(path)
@@ -151,10 +151,10 @@ def _stored(folder: Path) -> dict[str, ndarray]:
     try:
         stored = load_prediction(folder)
     except Exception as error:  # numpy and zipfile raise many kinds for a damaged archive
-        raise LeaderboardError(f"{folder / 'prediction.npz'} cannot be read ({error}); run the cell again") from error
+        raise LeaderboardError(f"{folder / PREDICTION_FILE} cannot be read ({error}); run the cell again") from error
     missing = [name for name in ("train_image", "train_target", "draws") if name not in stored]
     if missing:
-        raise LeaderboardError(f"{folder / 'prediction.npz'} lacks {missing[0]!r}; run the cell again")
+        raise LeaderboardError(f"{folder / PREDICTION_FILE} lacks {missing[0]!r}; run the cell again")
     return stored
 
 

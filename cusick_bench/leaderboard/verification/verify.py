@@ -33,7 +33,16 @@ from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import cell_numerics
 from cusick_bench.runner.samples import seen_of_samples
-from cusick_bench.runner.store import Store, file_digests, locked, read_json, write_json
+from cusick_bench.runner.store import (
+    CELL_FILE,
+    PREDICTION_FILE,
+    RESULT_FILE,
+    Store,
+    file_digests,
+    locked,
+    read_json,
+    write_json,
+)
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.registry import make_solver
@@ -41,7 +50,7 @@ from cusick_bench.solvers.registry import make_solver
 _log = logging.getLogger(__name__)
 
 VERIFIED = "verified.json"
-_FILES = ("cell.json", "result.json", "prediction.npz")
+_FILES = (CELL_FILE, RESULT_FILE, PREDICTION_FILE)
 
 
 @dataclass(frozen=True)
@@ -172,7 +181,7 @@ def _verified(
     seed: int,
     simulators: Simulators | None,
 ) -> Verification:
-    result, cell = read_json(folder / "result.json"), Cell.from_record(record)
+    result, cell = read_json(folder / RESULT_FILE), Cell.from_record(record)
     checks, notes = list(_identity_checks(folder, cell, record, result, dataset)), []
     identity = (folder.name, cell.label, cell.cloth, cell.seed)
     if result.get("status") != "done":

@@ -20,6 +20,7 @@ from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
 from cusick_bench.runner.cell import load_cell
+from cusick_bench.runner.store import CELL_FILE
 
 _KINDS = {"solver": 0, "null": 1, "oracle": 2}
 
@@ -257,9 +258,7 @@ def train_rows(folder: Path) -> tuple[int, ...]:
         first, *others = map(int, load_cell(folder)["train"])
         return first, *others
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ReportError(
-            f"cannot read {folder / 'cell.json'} ({error}); delete its folder and run it again"
-        ) from error
+        raise ReportError(f"cannot read {folder / CELL_FILE} ({error}); delete its folder and run it again") from error
 
 
 def turned_over(dataset: DrapeDataset, trained: int, rows: Sequence[int]) -> Bool[ndarray, " samples"]:

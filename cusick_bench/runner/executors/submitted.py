@@ -27,7 +27,7 @@ from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.processes import threads_of_new_processes
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source, require_unchanged
-from cusick_bench.runner.store import Store, disk_errors
+from cusick_bench.runner.store import RESULT_FILE, Store, disk_errors
 from cusick_bench.sim.errors import TimeLimit
 
 CLUSTERS = ("slurm", "local")
@@ -331,7 +331,7 @@ class _Task:
     def _stamp(self, cell: Cell) -> tuple[int, int] | None:
         """Tells a result from that of an earlier try."""
         try:
-            found = (self._store.folder(cell.key) / "result.json").stat()
+            found = (self._store.folder(cell.key) / RESULT_FILE).stat()
         except FileNotFoundError:
             return None
         return found.st_mtime_ns, found.st_ino
