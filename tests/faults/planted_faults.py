@@ -142,7 +142,7 @@ FAULTS = (
         "cusick_bench/runner/cell.py",
         "        raise_stop(error)\n        outcome = _failed(error)\n",
         '        raise_stop(error)\n        outcome = _failed(error) | {"status": "done"}\n',
-        "tests/runner/test_runner.py::TestCells::test_one_failure_stays_alone_and_is_tried_again",
+        "tests/runner/test_cells.py::TestCells::test_one_failure_stays_alone_and_is_tried_again",
     ),
 )
 
