@@ -1,0 +1,166 @@
+"""`cusick-bench check`: its exit status, its table, and bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_runs import METRICS, cells
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
+
+pytestmark = pytest.mark.usefixtures("fewer_permutations")
+
+
+class TestCommand:
+    @pytest.fixture
+    def files(self, tmp_path) -> tuple[Path, Path]:
+        """A run and a baseline, as files of another project."""
+        table = cells((0, 1, 2), np.random.default_rng(7))
+        run = tmp_path / "run.json"
+        run.write_text(json.dumps({"cells": table.to_dict("records")}))
+        return run, tmp_path / "baseline.csv"
+
+    def check(self, *words) -> tuple[int, dict]:
+        result = CliRunner().invoke(app, ["check", *map(str, words), "--json"])
+        return result.exit_code, json.loads(result.stdout) if result.stdout else {"error": result.output}
+
+    def test_planted_degradation_ends_with_status_1_and_its_name(self, files, tmp_path):
+        run, baseline = files
+        assert self.check(run, "--against", baseline, "--write")[0] == 0
+        assert self.check(run, "--against", baseline)[0] == 0
+        worse = read_cells(run)
+        for metric in METRICS:
+            worse.loc[worse["solver"] == "sampler", metric] *= 1.05
+        write_baseline(worse, tmp_path / "worse.csv", [])
+        status, document = self.check(tmp_path / "worse.csv", "--against", baseline)
+        assert status == 1
+        assert {f["solver"] for f in document["findings"] if f["verdict"] == "regression"} == {"sampler"}
+        assert document["regressions"] == 2
+
+    def test_spaces_between_options_make_no_other_solver(self, files, tmp_path):
+        run, baseline = files
+        table = read_cells(run)
+        write_baseline(table.assign(solver=table["solver"] + ", draws = 5"), baseline, [])
+        write_baseline(table.assign(solver=table["solver"] + ",draws=5"), tmp_path / "run.csv", [])
+        assert self.check(tmp_path / "run.csv", "--against", baseline)[0] == 0
+
+    def test_the_table_says_which(self, files, tmp_path):
+        run, baseline = files
+        write_baseline(read_cells(run).assign(train_mse=lambda t: t["train_mse"] / 2), baseline, ["command: none"])
+        assert baseline.read_text().startswith("# command: none\nsolver,cloth,seed,status,")
+        result = CliRunner().invoke(app, ["check", str(run), "--against", str(baseline)])
+        assert result.exit_code == 1
+        assert "3 regressions" in result.output
+        assert result.output.index("regression") < result.output.index("unchanged")
+
+    def test_bad_input_is_said(self, files, tmp_path):
+        run, baseline = files
+        for words, message in (
+            ((run, "--against", baseline), "no baseline at"),
+            ((tmp_path / "nothing", "--against", baseline), "no cells at"),
+            ((run, "--against", run, "--level", "0.7"), "level must lie between"),
+            (
+                (run, "--against", run, "--metric", "test_unheard"),
+                "unknown metric 'test_unheard'; did you mean 'test_mse'",
+            ),
+            ((run, "--against", tmp_path / "b.txt", "--write"), "must end in .csv"),
+            ((run, "--against", baseline, "--write", "--metric", "mse"), "--write compares nothing"),
+            ((run, "--against", baseline, "--write", "--junit", tmp_path / "b.xml"), "--write compares nothing"),
+        ):
+            result = CliRunner().invoke(app, ["check", *map(str, words)])
+            assert result.exit_code == 2
+            assert message in " ".join(result.output.split())
+
+    def test_a_leaderboard_is_no_table_of_cells(self, tmp_path):
+        (tmp_path / "board.csv").write_text("solver,rank,cloths,test_mse\nhomo,1,a b,0.05\n")
+        with pytest.raises(LeaderboardError, match="a line a solver, not a cell"):
+            read_cells(tmp_path / "board.csv")
+
+    def test_the_same_cell_twice_is_refused(self, files, tmp_path):
+        table = read_cells(files[0])
+        write_baseline(pd.concat([table, table.iloc[:1]]), tmp_path / "double.csv", [])
+        with pytest.raises(LeaderboardError, match="more than once"):
+            read_cells(tmp_path / "double.csv")
+
+    @pytest.mark.parametrize(
+        ("line", "message"),
+        [
+            ("homo,a,0,done,nan", "line 3: train_mse must be finite, got nan"),
+            ("homo,a,0,done,inf", "line 3: train_mse must be finite, got inf"),
+            ("homo,a,0,done,-1e9", "line 3: train_mse must lie in [0, 1], got -1e+09"),
+            ("homo,a,0,done,2", "line 3: train_mse must lie in [0, 1], got 2"),
+            ("homo,a,0,done,good", "line 3: train_mse must be a number"),
+            ("null,a,0,done,0.01", "line 3: solver must be a name"),
+            (",a,0,done,0.01", "line 3: solver must be a name"),
+            ("homo,None,0,done,0.01", "line 3: cloth must be a name"),
+            ("homo,a,-1,done,0.01", "line 3: seed must be a whole number"),
+            ("homo,a,0,perfect,0.01", "line 3: status must be done or failed"),
+        ],
+    )
+    @pytest.mark.parametrize("side", ["run", "baseline"])
+    def test_what_no_cell_can_say_ends_with_status_2_and_the_line(self, tmp_path, line, message, side):
+        good = "solver,cloth,seed,status,train_mse\nnull:disc,a,0,done,0.02\n"
+        for name in ("run", "baseline"):
+            (tmp_path / f"{name}.csv").write_text(good + (f"{line}\n" if name == side else ""))
+        words = ["check", str(tmp_path / "run.csv"), "--against", str(tmp_path / "baseline.csv")]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 2, result.output
+        assert f"{side}.csv, {message}" in " ".join(result.output.split())
+
+    @pytest.mark.parametrize("lacking", ["run", "baseline"])
+    def test_a_number_that_only_one_side_has_is_not_passed_over(self, files, tmp_path, lacking):
+        table = read_cells(files[0])
+        for name in ("run", "baseline"):
+            found = table.copy()
+            if name == lacking:
+                found.loc[0, "train_mse"] = np.nan
+            write_baseline(found, tmp_path / f"{name}.csv", [])
+        result = CliRunner().invoke(
+            app, ["check", str(tmp_path / "run.csv"), "--against", str(tmp_path / "baseline.csv")]
+        )
+        assert result.exit_code == 2
+        assert f"has no train_mse in the {lacking}" in " ".join(result.output.split())
+
+    def test_a_metric_that_the_run_has_lost_is_not_passed_over(self, files, tmp_path):
+        """One that the run alone has is no matter: baselines say what is compared."""
+        table = read_cells(files[0])
+        write_baseline(table, tmp_path / "both.csv", [])
+        write_baseline(table.drop(columns="test_mse"), tmp_path / "one.csv", [])
+        result = CliRunner().invoke(app, ["check", str(tmp_path / "one.csv"), "--against", str(tmp_path / "both.csv")])
+        assert result.exit_code == 2
+        assert "the run has no test_mse, and the baseline has" in " ".join(result.output.split())
+        assert self.check(tmp_path / "one.csv", "--against", tmp_path / "both.csv", "--metric", "train_mse")[0] == 0
+        assert self.check(tmp_path / "both.csv", "--against", tmp_path / "one.csv")[0] == 0
+
+    def test_where_nothing_can_be_decided_the_status_is_3(self, tmp_path):
+        cell = {"solver": "s", "cloth": "a", "seed": 0, "status": "done", "train_mse": 0.01}
+        write_baseline(pd.DataFrame([cell]), tmp_path / "one.csv", [])
+        status, document = self.check(tmp_path / "one.csv", "--against", tmp_path / "one.csv")
+        assert (status, document["decided"], document["regressions"]) == (3, False, 0)
+        failed = pd.DataFrame([cell | {"status": "failed", "train_mse": None}, cell | {"cloth": "b"}])
+        write_baseline(failed, tmp_path / "other.csv", [])
+        write_baseline(failed.assign(cloth=["b", "a"]), tmp_path / "apart.csv", [])
+        assert self.check(tmp_path / "apart.csv", "--against", tmp_path / "other.csv")[0] == 3
+
+    def test_changes_are_told_as_ratios(self, files, tmp_path):
+        """Ten times as large is x 10 and a tenth x 0.1; a symmetric change would say +163.6 and -163.6 %."""
+        table = read_cells(files[0])
+        write_baseline(table.loc[table["solver"] == "exact"], tmp_path / "before.csv", [])
+        for factor in (10.0, 0.1):
+            after = table.loc[table["solver"] == "exact"].assign(train_mse=lambda t, f=factor: t["train_mse"] * f)
+            write_baseline(after, tmp_path / "after.csv", [])
+            words = [tmp_path / "after.csv", "--against", tmp_path / "before.csv", "--metric", "train_mse"]
+            (finding,) = self.check(*words)[1]["findings"]
+            assert finding["ratio"] == pytest.approx(factor, rel=1e-6)
+            shown = CliRunner().invoke(app, ["check", *map(str, words)]).output
+            assert f"x {factor:g}" in shown
+            assert "%" not in shown.split("could see")[1].split("A regression")[0]
+
+    def test_help_says_what_the_statuses_mean(self):
+        text = " ".join(CliRunner().invoke(app, ["check", "--help"]).output.split())
+        assert "3 if nothing could be decided" in text
