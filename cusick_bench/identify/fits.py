@@ -20,11 +20,12 @@ from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 from cusick_bench.datasets.impossible import impossible, require_possible
 from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Fit, Stiffness
+from cusick_bench.identify.earlier_fits import keys_of_fits
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
 from cusick_bench.problem import Budget
-from cusick_bench.runner import Cell, ProblemSettings, Results, RunnerError, Source, Watcher, plan, run
+from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Store, Watcher, plan, run
 from cusick_bench.runner.samples import training_rows
 from cusick_bench.sim.constants import DEFAULT_LAW
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -185,7 +186,7 @@ def run_fits(
     workers: int = 1,
     command: Sequence[str] = (),
 ) -> tuple[dict[str, Fit], dict[str, str]]:
-    """Fits what is not fitted yet.
+    """Fits what is not fitted yet, or was with other pictures or another weight of its own.
 
     Args:
         source: Where the data come from.
@@ -206,11 +207,11 @@ def run_fits(
     fits, missing = {}, dict(plan.missing)
     if not plan.cells:
         return fits, missing
-    results: Results = run(
-        source, list(plan.cells.values()), workspace.run, workers=workers, watcher=watcher, command=command,
-        force=options.force,
-    )  # fmt: skip
-    for (cloth, cell), result in zip(plan.cells.items(), results, strict=True):
+    keys = keys_of_fits(dataset, plan.cells, workspace)
+    if waiting := [cell for cloth, cell in plan.cells.items() if keys[cloth] == cell.key]:
+        run(source, waiting, workspace.run, workers=workers, watcher=watcher, command=command, force=options.force)
+    for cloth, cell in plan.cells.items():
+        result = Store(workspace.run).result(keys[cloth])
         if result["status"] != "done":
             missing[cloth] = f"{FAILED}: {result['failure']}"
             continue
@@ -236,7 +237,7 @@ def run_fits(
             stretch={name: _stiffness(one) for name, one in found.stretch.items()},
             solver=options.solver,
             drapes=float(result["spent"]["forward_equivalents"]),
-            path=(workspace.run / "cells" / cell.key).relative_to(workspace.out).as_posix(),
+            path=Store(workspace.run).folder(keys[cloth]).relative_to(workspace.out).as_posix(),
         )
     return fits, missing
 

@@ -1,7 +1,7 @@
 """The folder of an identification: its parts, and records of their inputs, which tell whether a part is up to date.
 
 OUT/data          data set made from photographs; OUT/data.json holds its inputs
-OUT/run           fits, as `run` writes them: a cell's name is the hash of all that decides its numbers
+OUT/run           fits, as `run` writes them; fits.json holds their cells by the hash of all that decides their numbers
 OUT/diagnosis     a document and a page for each fabric; inputs.json holds their inputs
 OUT/identify.json, OUT/identify.csv, OUT/identify.html
 """
@@ -43,6 +43,11 @@ class Workspace:
     def run(self) -> Path:
         """Results folder of the fits."""
         return self.out / "run"
+
+    @property
+    def fits_record(self) -> Path:
+        """Record of which cell holds which fit."""
+        return self.out / "fits.json"
 
     @property
     def diagnosis(self) -> Path:

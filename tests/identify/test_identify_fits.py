@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from PIL import Image
 
 from cusick_bench.datasets import load
 from cusick_bench.datasets.stats import statistics
+from cusick_bench.identify.document import Fit
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.identify import begin
 from cusick_bench.identify.options import Options
@@ -70,3 +72,33 @@ def test_solvers_that_can_learn_from_all_samples(lab, solver, samples):
     cell = plan_fits(dataset, ["fabric_1"], Options(solver=solver)).cells["fabric_1"]
     assert len(cell.train) == samples
     assert cell.train[0] == typical_rows(dataset, "fabric_1")[0]
+
+
+@pytest.mark.usefixtures("one_thread")
+def test_a_fit_is_kept_where_only_other_fabrics_have_changed(lab, tmp_path):
+    copy = shutil.copytree(lab, tmp_path / "lab")
+    weights = copy / "fabrics.csv"
+    options = Options(solver="sobol", vertices=97, steps=10, budget=3)
+
+    def fitted() -> dict[str, Fit]:
+        return begin(str(copy), tmp_path / "out", options).fit()[0]
+
+    def finished() -> dict[Path, int]:
+        return {path: path.stat().st_mtime_ns for path in tmp_path.glob("out/run/cells/*/done")}
+
+    first, cells = fitted(), finished()
+    assert (list(first), len(cells)) == (["fabric_1", "fabric_2"], 2)
+    shutil.rmtree(copy / "data/Fabric 1")  # rows of the index move up
+    weights.write_text(weights.read_text() + "fabric_3,0.18,\n")
+    second = fitted()
+    assert list(second) == ["fabric_2", "fabric_3"]
+    assert second["fabric_2"] == first["fabric_2"]
+    assert {path: finished()[path] for path in cells} == cells
+    assert len(finished()) == 3, "of fabric 3 only"
+    weights.write_text(weights.read_text().replace("fabric_2,0.2,", "fabric_2,0.3,"))
+    third = fitted()
+    assert third["fabric_3"] == second["fabric_3"]
+    assert third["fabric_2"].path != second["fabric_2"].path
+    assert third["fabric_2"].stiffness["warp"].value > second["fabric_2"].stiffness["warp"].value
+    (tmp_path / "out/fits.json").write_text("no JSON")
+    assert fitted()["fabric_3"].stiffness == third["fabric_3"].stiffness, "made again"
