@@ -38,6 +38,7 @@ def run(
     watcher: Watcher | None = None,
     command: Sequence[str] = (),
     force: bool = False,
+    grid: Sequence[Cell] = (),
 ) -> Results:
     """Runs the cells that are not finished yet; those that another process is running come last, and are waited for.
 
@@ -51,6 +52,8 @@ def run(
         watcher: Told of the grid's progress.
         command: Command line, for the record.
         force: Whether to use silhouettes that no cloth on the plate can show; the record says so.
+        grid: Cells of the whole grid, where `cells` are a part of it; the record names them, so that it is known what
+            the other parts have to bring.
 
     Returns:
         Results in the order of the cells, each read from its file when it is asked for; with `left_out`, the number of
@@ -70,7 +73,7 @@ def run(
     forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
     store.prepare()
     with disk_errors(out), locked(out):
-        _record_run(store, source, dataset, cells, command, forced)
+        _record_run(store, source, dataset, cells, grid or cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]
     watcher.begin(cells, waiting)
     _log.debug("%d cells, %d of them finished before; %d workers", len(cells), len(cells) - len(waiting), workers)
@@ -129,6 +132,7 @@ def _record_run(
     source: Source,
     dataset: DrapeDataset,
     cells: Sequence[Cell],
+    grid: Sequence[Cell],
     command: Sequence[str],
     forced: Sequence[str],
 ) -> None:
@@ -149,6 +153,7 @@ def _record_run(
         "dataset_hash": dataset.content_hash,
         "source": source.places(store.out),
         "cells": [cell.key for cell in cells],
+        **({"grid": [cell.key for cell in grid]} if len(grid) > len(cells) else {}),
         "numerics": {part: number for cell in cells for part, number in cell.numerics},
         **environment(),
         "forced": list(forced),

@@ -116,9 +116,10 @@ class TestRun:
     def test_a_part_of_the_grid_that_was_stopped_is_not_made_up_for_by_another_part(self, lab, tmp_path):
         cells = plan(load(lab), solvers=["null:disc", "null:copy"], settings=ProblemSettings(vertices=97))
         folder = tmp_path / "shards"
-        for part in ("1/2", "2/2"):
-            command = ["cusick-bench", "run", "--out", "shards", "--shard", part]
-            run(Source(str(lab)), shard(cells, part), folder, command=command)
+        run(Source(str(lab)), shard(cells, "1/2"), folder, grid=cells)
+        with pytest.raises(LeaderboardError, match=f"{len(cells) // 2} cells .* not begun, such as {cells[1].key}"):
+            read_cells(folder)
+        run(Source(str(lab)), shard(cells, "2/2"), folder, grid=cells)
         assert len(read_cells(folder)) == len(cells)
         shutil.rmtree(folder / "cells" / cells[0].key)  # as where it was never begun
         with pytest.raises(LeaderboardError, match=rf"is not finished: 1 cells .* such as {cells[0].key}"):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import leaderboards, load_cells
-from cusick_bench.leaderboard.cells.commands import cells_of_parts, command_record
+from cusick_bench.leaderboard.cells.commands import cells_of_grid, command_record
 from cusick_bench.leaderboard.text import provenance
 from cusick_bench.leaderboard.verification.submit import rows_of
 from cusick_bench.problem import Budget
@@ -37,17 +37,10 @@ def test_a_command_that_is_not_needed_is_left_out():
     assert command_record(again, ["a", "c", "d"])["command"] == "cusick-bench run four; cusick-bench run three"
 
 
-def test_parts_of_one_grid_are_told_from_other_commands():
-    """Of a part that was run twice, as after a change of the code, the last run counts."""
-    ran = [("/bin/cusick-bench run --shard 1/2 --out a", "old"), ("cusick-bench run --shard=1/2 --out a", "new")]
-    ran += [("cusick-bench run --out a --shard 1/2 --seeds 2", "other"), ("cusick-bench run --out a", "whole")]
-    ran += [("cusick-bench run --out a --shard 1/3", "third")]
-    last = recorded("cusick-bench run --out a --shard 2/2", ["last"])
-    history = [recorded(command, [key]) for command, key in ran]
-    assert cells_of_parts(last | {"history": history}) == ["new", "last"]
-    assert cells_of_parts(recorded("cusick-bench run --out a", ["last"]) | {"history": history}) == ["last"]
-    assert cells_of_parts(RUN) == ["d"]
-    assert cells_of_parts({}) == []
+def test_the_cells_of_a_grid_are_those_of_all_its_parts():
+    assert cells_of_grid(RUN) == ["d"]
+    assert cells_of_grid(RUN | {"grid": ["c", "d"]}) == ["c", "d"]
+    assert cells_of_grid({}) == []
 
 
 def test_records_that_do_not_name_their_cells_leave_the_last_command():

@@ -157,7 +157,7 @@ def run_command(
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     with progress_bar("reading data"):
         dataset = load_once(source)
-    cells = plan(
+    planned = plan(
         dataset,
         solvers=solver or [],
         cloths=cloth,
@@ -165,13 +165,14 @@ def run_command(
         settings=settings,
         protocol=protocol,
     )
-    cells = shard(cells, only) if only else cells
-    found, rows, grid = [], [], GridProgress()
-    with interruptible(partial(cells_kept, grid, out), go_on=True):
-        with grid:
+    cells = shard(planned, only) if only else planned
+    found, rows, progress = [], [], GridProgress()
+    with interruptible(partial(cells_kept, progress, out), go_on=True):
+        with progress:
             results = run(
-                source, cells, out, workers=workers, executor=cell_executor, watcher=grid, command=sys.argv, force=force
-            )
+                source, cells, out, workers=workers, executor=cell_executor, watcher=progress, command=sys.argv,
+                force=force, grid=planned,
+            )  # fmt: skip
         for cell, result in zip(cells, results, strict=True):
             found.append(_stiffness(result))
             rows.append(_row(result, out / "cells" / cell.key))

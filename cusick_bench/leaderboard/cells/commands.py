@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 _MACHINE = ("processor", "platform", "cores")
-_SHARD = "--shard"
 
 
 def typed(command: str | Sequence[object]) -> str:
@@ -57,8 +56,8 @@ def command_record(run: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any
     return {**needed[-1], **joined, "command": "; ".join(_once(typed(record.get("command", "")) for record in needed))}
 
 
-def cells_of_parts(run: Mapping[str, Any]) -> list[str]:
-    """Cells of the last command, and of those that last ran the other parts of its grid into the same folder.
+def cells_of_grid(run: Mapping[str, Any]) -> list[str]:
+    """Cells of the last command's grid, of which it may have run a part.
 
     Args:
         run: Contents of `run.json`.
@@ -66,25 +65,7 @@ def cells_of_parts(run: Mapping[str, Any]) -> list[str]:
     Returns:
         Names of cells, whether there are results of them or not.
     """
-    grid, last = _grid_and_part(run)
-    parts: dict[str, Sequence[str]] = {}
-    for record in [*run.get("history", []), run]:
-        words, part = _grid_and_part(record)
-        if words == grid and part.partition("/")[1:] == last.partition("/")[1:]:  # of as many parts
-            parts[part] = record.get("cells", [])
-    return [key for part in parts.values() for key in part]
-
-
-def _grid_and_part(record: Mapping[str, Any]) -> tuple[list[str], str]:
-    """Words of a command without the program and the part of the grid that it ran, and that part, "" for all of it."""
-    command = record.get("command")
-    words = [str(word) for word in command[1:]] if isinstance(command, list) else []
-    for place, word in enumerate(words):
-        name, equals, value = word.partition("=")
-        if name == _SHARD:
-            behind = place + (1 if equals else 2)
-            return words[:place] + words[behind:], value or "".join(words[place + 1 : behind])
-    return words, ""
+    return list(run.get("grid") or run.get("cells", []))
 
 
 def machine(record: Mapping[str, Any]) -> str:

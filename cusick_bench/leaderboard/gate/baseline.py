@@ -18,7 +18,7 @@ from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
-from cusick_bench.leaderboard.cells.commands import cells_of_parts
+from cusick_bench.leaderboard.cells.commands import cells_of_grid
 from cusick_bench.leaderboard.cells.loading import Cells, load_cells
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.cells.source import load_data_of
@@ -167,7 +167,7 @@ def _require_finished(cells: Cells, table: pd.DataFrame) -> None:
     last, known = set(cells.run.get("cells", [])), set(table["key"])
     present = {folder.name for folder in cells.table["folder"]} | {cell.folder.name for cell in cells.skipped}
     left = table.loc[table["status"] == "unfinished", "key"].tolist()
-    left += [key for key in cells_of_parts(cells.run) if key not in (known if key in last else present)]
+    left += [key for key in cells_of_grid(cells.run) if key not in (known if key in last else present)]
     if left:
         raise LeaderboardError(
             f"{cells.folder} is not finished: {len(left)} cells were cut off or not begun, such as {left[0]}; repeat "
