@@ -17,9 +17,10 @@ import pandas as pd
 from jaxtyping import Float
 
 from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.files.fabrics import fabric_name
 from cusick_bench.datasets.files.image import read_silhouette
-from cusick_bench.datasets.files.layout import inside_root
+from cusick_bench.datasets.files.layout import beside, inside_root
 from cusick_bench.datasets.files.measure import content_hash
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import Protocol
@@ -298,11 +299,12 @@ class DrapeDataset:
         density = float(row["areal_density"])
         if not density > 0 or not math.isfinite(density):
             line = f"{self.fabrics[row['cloth']]},<kg/m2>,"
+            table = beside(self.root, FABRICS_FILE) or self.root / FABRICS_FILE
             raise DataError(
                 f"areal density of {row['cloth']} must be > 0 kg/m2, got {density}",
                 where=self.root,
-                remedy=f"weigh the cloth and add `{line}` to {self.root / 'fabrics.csv'} "
-                "(columns fabric,areal_density_kg_m2,thickness_m), or give --fabrics-csv",
+                remedy=f"weigh the cloth and add `{line}` to {table} (columns "
+                "fabric,areal_density_kg_m2,thickness_m), or to the table that --fabrics-csv names",
                 kind="density-missing",
             )
         return density

@@ -104,7 +104,7 @@ def read_dataset(
         raise next(iter(found.faults.values()))
     _tell_copies(layout, found)
     _tell_unread(layout)
-    _tell_unread_tables(layout, [table and table.absolute(), described])
+    _tell_unread_tables(layout, [table, described])
     applied = () if verified else wanted
     dataset = DrapeDataset(
         name, layout.root, protocol, applied, build_index(name, layout, protocol, fabrics, found, applied)
@@ -198,7 +198,8 @@ def _tell_unread(layout: Layout) -> None:
 def _tell_unread_tables(layout: Layout, read: Collection[Path | None]) -> None:
     """Warns of tables that are not where, or not called what, they have to be: other values are used without them."""
     tables = [path for path in layout.unused if _TABLE.fullmatch(path.rpartition("/")[2])]
-    tables = [path for path in tables if layout.root / path not in read]
+    known = {path.resolve() for path in read if path is not None}  # a folder may be given by a link, or as `..`
+    tables = [path for path in tables if (layout.root / path).resolve() not in known]
     if tables:
         _log.warning(
             "%s: %s: not read, so no weight, size or scale in there is used; %s and %s are looked for in the data "

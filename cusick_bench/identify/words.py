@@ -6,7 +6,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.audit.limits import UNREADABLE
+from cusick_bench.datasets.audit.limits import UNMEASURED
 from cusick_bench.datasets.impossible import impossible, listed
 from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
@@ -84,7 +84,7 @@ def left_out_notes(dataset: DrapeDataset, fabric: str) -> list[str]:
         One sentence; none where all pictures that can be measured show cloth on its plate.
     """
     faults = impossible(dataset, [row for row, cloth in enumerate(dataset.table["cloth"]) if cloth == fabric])
-    unmeasured = {fault.path for fault in faults if fault.kind in (*UNREADABLE, "shrunken-image")}
+    unmeasured = {fault.path for fault in faults if fault.kind in UNMEASURED}
     first = {fault.path: fault for fault in reversed(faults) if fault.path not in unmeasured}
     if not first:
         return []

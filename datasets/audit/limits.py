@@ -20,6 +20,8 @@ UNCOVERED = 0.75  # least radius that must fit into the silhouette, over that of
 OFF_CENTRE = 0.25  # largest distance of the middle of the cloth from the plate's axis, over the flat radius
 UNREADABLE = ("empty-image", "full-image", "inverted-image", "two-blobs")
 """Kinds of `BadImage` that say that a picture shows no single cloth; other kinds are faults of the file."""
+UNMEASURED = (*UNREADABLE, "shrunken-image")
+"""Kinds of faults of pictures that statistics leave out; those with another one alone are measured all the same."""
 
 
 def impossible_faults(path: str, image: ImageMeasure, protocol: Protocol) -> Iterator[Irregularity]:

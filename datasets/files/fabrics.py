@@ -15,7 +15,7 @@ _REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
 _THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; other values are in another unit
 _DENSITIES = (LIGHTEST_CLOTH, HEAVIEST_CLOTH)
-_NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,9})(?:\.0+)?(_observations)?")  # spreadsheets write 2 as 2.0
+_NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,18})(?:\.0+)?(_observations)?")  # a spreadsheet's 2 may be 2.0
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 

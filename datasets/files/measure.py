@@ -67,18 +67,22 @@ def content_hash(path: Path) -> str:
     Raises:
         DataError: The file cannot be read, or is far too large.
     """
+    of = "mesh" if path.name.lower().endswith(MESH_SUFFIXES) else "image"
     try:
         if path.stat().st_size > _MOST_BYTES:
             what = (
                 f"has {path.stat().st_size} bytes, far more than any silhouette or mesh; at most {_MOST_BYTES} are read"
             )
-            kind = "mesh-too-large" if path.name.endswith(MESH_SUFFIXES) else "image-too-large"
-            raise DataError(what, where=path, remedy="replace it by the original file, or remove it", kind=kind)
+            remedy = "replace it by the original file, or remove it"
+            raise DataError(what, where=path, remedy=remedy, kind=f"{of}-too-large")
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        kind = "no-permission" if isinstance(error, PermissionError) else "invalid-data"
-        raise DataError(f"cannot be read ({error})", where=path, remedy="change its mode", kind=kind) from error
+    except PermissionError as error:
+        what = f"cannot be read ({error})"
+        raise DataError(what, where=path, remedy="change its mode", kind="no-permission") from error
+    except OSError as error:  # of a disk, a network or a cloud that fails
+        what = f"cannot be read ({error})"
+        raise DataError(what, where=path, remedy="copy it anew, or remove it", kind=f"unreadable-{of}") from error
 
 
 def _measure_mesh(path: Path, digest: str) -> MeshMeasure:

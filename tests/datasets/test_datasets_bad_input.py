@@ -1,5 +1,6 @@
 """Damaged, odd and hostile files: a clear error that says what, where and what to do; nothing else is lost."""
 
+import errno
 import gzip
 import os
 import pickle
@@ -330,6 +331,19 @@ def test_a_folder_of_pictures_in_a_format_that_is_not_read(tmp_path, suffix):
             DataNotFound, match=rf"pictures as {suffix.lower()}: .*_Capture_1{suffix}.*save them as PNG"
         ):
             look(tmp_path)
+
+
+@pytest.mark.parametrize(("suffix", "kind"), [(".png", "unreadable-image"), (".obj", "unreadable-mesh")])
+def test_files_of_a_disk_that_fails_do_not_stop_an_audit(tmp_path, monkeypatch, suffix, kind):
+    root, opened = write_toy(tmp_path), Path.open
+
+    def fails(path, *words, **options):
+        if path.name == f"Fabric_7_Sample_1_Capture_2{suffix}":
+            raise OSError(errno.EIO, "Input/output error")
+        return opened(path, *words, **options)
+
+    monkeypatch.setattr(Path, "open", fails)
+    assert audit(root).kinds[kind] == 1
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")

@@ -82,6 +82,25 @@ def test_a_number_at_the_start_of_a_named_set_is_no_fabric(toy):
         dataset.require_density(0)
 
 
+def test_fabrics_may_be_numbered_by_their_article(toy):
+    """The weight of a number of ten digits or more was lost, also of photographs to which it had been given."""
+    number = 4006381333931
+    folder = image_path(toy, 1, 1).parent.parent
+    folder.rename(folder.with_name(f"Fabric {number}"))
+    (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2\n{number},0.2\n")
+    assert load(toy).require_density(0) == 0.2
+    assert not [one for one in audit(toy).irregularities if one.kind == "fabrics-unused"]
+
+
+@pytest.mark.parametrize("root", [".", "data", "data/Fabric 7/silhouettes"])
+def test_a_missing_weight_belongs_into_the_table_that_is_read(toy, root):
+    """A new table, where the message wanted one, would have hidden this one with all its weights."""
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n8,0.2\n")
+    with pytest.raises(DataError, match="add `fabric_7,<kg/m2>,`") as caught:
+        load(toy / root).require_density(0)
+    assert f" to {toy / 'fabrics.csv'} " in str(caught.value)
+
+
 def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):
     """They would be read by the release's scale and sizes, and give other numbers."""
     (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")

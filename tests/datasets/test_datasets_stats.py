@@ -235,6 +235,21 @@ def test_stats_say_which_of_their_pictures_show_no_cloth(toy):
     assert "no cloth on its plate" not in other.stderr
 
 
+def test_stats_do_not_warn_of_pictures_that_they_leave_out(toy):
+    drape = toy_profile(7, 1, 1)
+    write_image(toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png", draw(Profile(0.4 * drape.radii)))
+    found = CliRunner().invoke(app, ["stats", str(toy)], env={"COLUMNS": "140"})
+    assert "(-1 images)" in found.stdout
+    assert "no cloth on its plate" not in found.stderr
+
+
+def test_the_command_in_the_warning_of_stats_can_be_pasted(toy):
+    lab = toy.rename(toy.with_name("my lab"))
+    write_image(lab / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png", 0.8 * draw(toy_profile(7, 1, 1)))
+    told = " ".join(CliRunner().invoke(app, ["stats", str(lab)]).stderr.split())
+    assert f"`cusick-bench data audit '{lab}'`" in told
+
+
 def test_info_command(toy):
     table = toy / "mine.csv"
     table.write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.0004\n")

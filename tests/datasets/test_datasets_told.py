@@ -62,6 +62,16 @@ def test_tables_that_are_not_read_are_told(toy, caplog, table):
     assert len(caplog.messages) == 1
 
 
+def test_a_table_that_is_read_is_not_told_however_its_path_is_written(toy, caplog, monkeypatch):
+    (toy / "fabrics-2026.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    link = toy.with_name("link")
+    link.symlink_to(toy)
+    monkeypatch.chdir(toy)
+    for root, table in ((link, link / "fabrics-2026.csv"), (".", "../lab/fabrics-2026.csv")):
+        assert load(root, fabrics_csv=table).require_density(0) == 0.2
+    assert not caplog.messages
+
+
 def test_thumbnails_of_a_network_disk_are_no_pictures(toy, caplog):
     thumbnails = toy / "data/Fabric 7/silhouettes/@eaDir/Fabric_7_Sample_1_Capture_1.png"
     thumbnails.mkdir(parents=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import defaultdict
 from math import isfinite
 from pathlib import Path
@@ -170,6 +171,7 @@ def stats_command(
     json: Json = False,
 ) -> None:
     """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""
+    from cusick_bench.datasets.audit.limits import UNMEASURED
     from cusick_bench.datasets.impossible import impossible
     from cusick_bench.datasets.stats import statistics
 
@@ -182,12 +184,14 @@ def stats_command(
         output.print(_stats_table(found))
     wanted = {item.cloth for item in found}
     faults = impossible(dataset, [row for row, name in enumerate(dataset.table["cloth"]) if name in wanted])
+    left_out = {item.path for item in faults if item.kind in UNMEASURED}
+    faults = [item for item in faults if item.path not in left_out]
     if faults:
         pictures, fault = len({item.path for item in faults}), faults[0]
         tell(
             f"{pictures} of the silhouettes show{'s' if pictures == 1 else ''} no cloth on its plate, so that these "
             f"numbers mean nothing for them: {fault.path}: {fault.detail} ({fault.kind}); look with `cusick-bench data "
-            f"audit {dataset.root}`, and correct the pictures or protocol.json"
+            f"audit {shlex.quote(str(dataset.root))}`, and correct the pictures or protocol.json"
         )
 
 
