@@ -88,6 +88,23 @@ def test_cloths_whose_names_differ_in_punctuation_have_folders_of_their_own(diag
     assert again == written
 
 
+@pytest.mark.parametrize("spoiled", [(3,), (1, 2, 3)])
+def test_a_fabric_of_too_few_usable_samples_is_diagnosed_only_if_it_is_named(diagnosed, tmp_path, spoiled):
+    for number, name in enumerate(("linen", "silk")):
+        for sample in (1, 2, 3):
+            picture = tmp_path / "lab" / "bnn_image_gt" / name / f"sample_{sample}_Upward_Drape_1.png"
+            write_image(picture, draw(toy_profile(number, sample, 1)))
+            if name == "silk" and sample in spoiled:
+                picture.write_bytes(b"no image")
+    asked = ["diagnose", str(tmp_path / "lab"), "--out", str(tmp_path / "out")]
+    finished = CliRunner().invoke(app, asked)
+    assert finished.exit_code == 0, finished.output
+    assert diagnosed == ["linen"]
+    assert f"silk is left out: pictures of {3 - len(spoiled)} of its samples" in " ".join(finished.stderr.split())
+    named = CliRunner().invoke(app, [*asked, "--fabric", "silk"])
+    assert named.exit_code == (0 if len(spoiled) == 1 else 2)
+
+
 def test_a_table_that_cannot_be_written_is_refused_before_the_work(diagnosed, tmp_path):
     asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path), "--table", str(tmp_path)]
     finished = CliRunner().invoke(app, asked)

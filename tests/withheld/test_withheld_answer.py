@@ -17,6 +17,7 @@ from cusick_bench.files import digest
 from cusick_bench.files.digest import file_digest
 from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
+from cusick_bench.withheld.answers.parts import case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answers
 from cusick_bench.withheld.format.label import LabelDocument, read_label_documents
@@ -242,6 +243,12 @@ def test_a_case_of_several_fabrics_is_refused(tmp_path: Path, small_suite: Path)
 def test_folder_without_cases(tmp_path: Path) -> None:
     with pytest.raises(WithheldError, match="no case folders"):
         case_folders(tmp_path / "nothing")
+
+
+def test_answers_beside_the_cases_are_no_case(tmp_path: Path) -> None:
+    (tmp_path / "case_0001").mkdir()
+    case_part(tmp_path / "answers.json", "case_0001", "0" * 64, SHIPPED).parent.mkdir(parents=True)
+    assert case_folders(tmp_path) == [tmp_path / "case_0001"]
 
 
 def test_command(small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None) -> None:

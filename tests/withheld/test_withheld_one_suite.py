@@ -18,7 +18,7 @@ from cusick_bench.withheld.format.label import read_label_documents
 from cusick_bench.withheld.format.seal import COMMITMENT, salt_of, sealed
 from cusick_bench.withheld.scoring.labelled_answers import with_measured_severities, with_oracle_closures
 from cusick_bench.withheld.suite.design import Kind
-from cusick_bench.withheld.suite.generate import Suite
+from cusick_bench.withheld.suite.generate import SUITE, Suite
 from cusick_bench.withheld.suite.labels import label_of
 
 COUNTS: dict[Kind, int] = {"null": 2, "single": 2, "pair": 2, "unknown": 1}
@@ -75,6 +75,18 @@ class TestCasesAndLabels:
         labels = read_label_documents(written(tmp_path, OTHER))
         with pytest.raises(WithheldError, match=ONE_SUITE):
             measure_shown_shifts(OTHER, cases, labels, tmp_path / "twins.json", SHIPPED)
+
+    @pytest.mark.parametrize("command", ["oracle", "twins"])
+    def test_a_folder_without_the_cases_replaces_nothing(self, cases: Path, tmp_path: Path, command: str):
+        """As of a typing error: what was measured before is kept."""
+        (tmp_path / SUITE).write_text(json.dumps({"seed": OWN.seed, "counts": OWN.counts}))
+        out = tmp_path / "found.json"
+        out.write_text("{}\n")
+        words = ["withheld", command, str(tmp_path / "caess"), str(written(tmp_path, OWN)), "--out", str(out)]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 2
+        assert "has none of the 7 cases with a label" in " ".join(result.output.split())
+        assert out.read_text() == "{}\n"
 
     def test_leave_out(self, cases: Path, tmp_path: Path):
         words = ["withheld", "leave-out", str(cases), str(written(tmp_path, OTHER)), "--minimum-severity", "0"]

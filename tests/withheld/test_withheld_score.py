@@ -23,6 +23,7 @@ from cusick_bench.withheld.scoring.calibration import (
 from cusick_bench.withheld.scoring.judgement import judgement_of
 from cusick_bench.withheld.scoring.measures import CLEAR, Goal
 from cusick_bench.withheld.scoring.score import ANSWERS, CHANCE
+from cusick_bench.withheld.scoring.table import by_severity
 
 SHARES = ("exact effect", "class", "power")
 
@@ -142,6 +143,7 @@ class TestKnownScores:
         by_level = {f.subset: (f.value, f.cases) for f in found.figures if f.method == ANSWERS and f.name == both}
         assert by_level["2x"] == (1.0, 4)
         assert by_level["4x"] == (pytest.approx(2 / 6), 6)
+        assert by_severity(found)[-1] == ["cases", "4", "6"]
 
     def test_typical_severities_beside_detectable_ones_are_in_no_level(self, tmp_path):
         labels = {f"c{i}": label("plate-tilt", 2) for i in range(10)} | {"n": label("none", None)}
@@ -157,6 +159,18 @@ class TestKnownScores:
         assert any("5 single effects" in note for note in found.notes)
         alone = scored(tmp_path, hidden, {c: said[c] for c in hidden})
         assert alone.value("power", "4x") == 0, "where nothing else is known, typical severities are the levels"
+
+    def test_typical_severities_of_pairs_beside_detectable_ones_are_in_no_level(self, tmp_path):
+        named = ["plate-tilt", "creep"]
+        labels = {f"p{i}": label(named, 2) for i in range(4)}
+        labels |= {f"h{i}": {**label(named, None), "multiple_of_typical": 4} for i in range(5)}
+        told, none = answer("several", *((name, 0.5) for name in named)), answer("none", ("none", 0.9))
+        found = scored(tmp_path, labels, {c: told if c < "p" else none for c in labels})
+        by_level = {f.subset: f.cases for f in found.figures if f.method == ANSWERS and f.name == "pairs: both found"}
+        assert (by_level[CLEAR], by_level["2x"]) == (4, 4)
+        assert "4x" not in by_level
+        assert any("5 pairs have such multiples" in note for note in found.notes)
+        assert not any("0 single effects" in note for note in found.notes)
 
 
 class TestJudgement:

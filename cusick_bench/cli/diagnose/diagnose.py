@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     Atlas,
     DiagnosedData,
@@ -29,6 +29,7 @@ from cusick_bench.sim.units import shown_unit
 if TYPE_CHECKING:
     from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument
     from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
+    from cusick_bench.diagnosis.measure.captures import Captures
 
 
 app = typer.Typer()
@@ -76,7 +77,11 @@ def diagnose_data(
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     room = (folder_made(out), folder_made(None if summary is None else summary.parent))
     with progress_bar("reading data", len(chosen) + 1) as bar, kept, room[0], room[1]:
-        captures = {name: read_captures(dataset, name, force=force) for name in chosen}
+        if fabric:
+            captures = {name: read_captures(dataset, name, force=force) for name in chosen}
+        else:
+            captures = _with_usable_samples(dataset, chosen, force=force)
+            chosen = list(captures)
         diagnosis = data_set_diagnosis(captures, emulator, calibration, options, bar.tell)
         shared = diagnosis.shared
         write_laboratory(shared, out)
@@ -108,6 +113,31 @@ def _with_samples(dataset: Any) -> list[str]:
 
     counts = dataset.index.groupby("cloth", sort=False)["sample"].nunique()
     return [str(name) for name, count in counts.items() if count >= LEAST_SAMPLES] or dataset.cloths
+
+
+def _with_usable_samples(dataset: Any, names: list[str], *, force: bool) -> dict[str, Captures]:
+    """Silhouettes of those with enough samples that can be used, or of all where none has; the others are told."""
+    from cusick_bench.diagnosis.errors import DiagnosisError
+    from cusick_bench.diagnosis.measure.captures import read_captures
+    from cusick_bench.diagnosis.options import LEAST_SAMPLES
+
+    found: dict[str, Captures] = {}
+    unread: dict[str, DiagnosisError] = {}
+    for name in names:
+        try:
+            found[name] = read_captures(dataset, name, force=force)
+        except DiagnosisError as error:
+            unread[name] = error
+    if not found:
+        raise next(iter(unread.values()))
+    usable = {name: len(set(own.sample.tolist())) for name, own in found.items()}
+    enough = {name: own for name, own in found.items() if usable[name] >= LEAST_SAMPLES} or found
+    for name in [one for one in names if one not in enough]:
+        tell(
+            f"{name} is left out: pictures of {usable.get(name, 0)} of its samples can be used, and {LEAST_SAMPLES} "
+            "are needed; see `data audit`, or name it with --fabric"
+        )
+    return enough
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import pandas as pd
 from cusick_bench.diagnosis.controls.figures import ControlFigure
 from cusick_bench.diagnosis.controls.judgement import Judgement
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.files.formula import unguarded_cell
 
 _TITLE = "Controls of the diagnosis"
 _MEANING = (
@@ -64,7 +65,8 @@ def read_judgements(path: Path, facts: Mapping[str, Any]) -> list[Judgement]:
 
 def _judgement(row: Mapping[str, str]) -> Judgement:
     """A judgement from its row of text; an empty number is NaN."""
-    read = {float: lambda text: float(text or "nan"), bool: {"True": True, "False": False}.__getitem__, str: str}
+    truth = {"True": True, "False": False}
+    read = {float: lambda text: float(text or "nan"), bool: truth.__getitem__, str: unguarded_cell}
     return Judgement(**{field.name: read[field.type](row[field.name]) for field in fields(Judgement)})
 
 

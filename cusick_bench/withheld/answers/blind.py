@@ -27,7 +27,7 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
-from cusick_bench.withheld.answers.parts import answer_numerics, case_part
+from cusick_bench.withheld.answers.parts import PARTS, answer_numerics, case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object
@@ -44,12 +44,13 @@ def case_folders(cases: Path) -> list[Path]:
         cases: Folder of the cases.
 
     Returns:
-        The folder of each case, by name.
+        The folder of each case, by name; hidden folders and those of partial results are none.
 
     Raises:
         WithheldError: None there.
     """
-    found = sorted(p for p in cases.iterdir() if p.is_dir() and not p.name.startswith(".")) if cases.is_dir() else []
+    folders = [path for path in cases.iterdir() if path.is_dir()] if cases.is_dir() else []
+    found = sorted(path for path in folders if not path.name.startswith(".") and path.suffix != PARTS)
     if not found:
         raise WithheldError(f"no case folders in {cases}; give the folder that holds the cases' folders")
     return found

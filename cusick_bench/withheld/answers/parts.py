@@ -15,6 +15,7 @@ from cusick_bench.files.digest import file_digest, folder_digest
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.processes import process_pool
+from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.label import LabelDocument
 from cusick_bench.withheld.format.seal import (
     files_beside,
@@ -24,6 +25,9 @@ from cusick_bench.withheld.format.seal import (
 )
 
 Found = TypeVar("Found")
+
+PARTS = ".parts"
+"""What the name of a folder of partial results ends in."""
 
 
 def gather(
@@ -79,11 +83,13 @@ def require_labels_of(cases: Path, labels: Mapping[str, LabelDocument]) -> dict[
         SHA-256 of the files of every labelled case that is there (`folder_digest`), by name.
 
     Raises:
-        WithheldError: Labels of another suite, or a case with other files than the sealed ones.
+        WithheldError: No labelled case there, labels of another suite, or a case with other files than the sealed ones.
     """
     carried = {case: label.sha256 for case, label in labels.items()}
     require_one_suite(carried, seals_beside(cases), "the labels", str(cases))
     found = {case: folder_digest(cases / case) for case in labels if (cases / case).is_dir()}
+    if labels and not found:
+        raise WithheldError(f"{cases} has none of the {len(labels)} cases with a label; give the folder of these cases")
     require_published_files(found, files_beside(cases), str(cases))
     return found
 
@@ -103,7 +109,7 @@ def case_part(out: Path, case: str, files: str, atlas: Path, *options: object) -
     """
     found_from = [numerics_text(answer_numerics()), file_digest(atlas), files, *map(str, options)]
     fingerprint = hashlib.sha256(" ".join(found_from).encode()).hexdigest()[:16]
-    return out.with_name(out.name + ".parts") / fingerprint / f"{case}.json"
+    return out.with_name(out.name + PARTS) / fingerprint / f"{case}.json"
 
 
 def answer_numerics() -> dict[str, int]:

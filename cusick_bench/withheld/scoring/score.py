@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from cusick_bench.withheld.format.answer import BaselineAnswer
 from cusick_bench.withheld.format.causes import NONE
-from cusick_bench.withheld.format.label import DETECTABLE, NULL, SINGLE, TYPICAL, Label
+from cusick_bench.withheld.format.label import DETECTABLE, NULL, PAIR, SINGLE, TYPICAL, Label
 from cusick_bench.withheld.scoring.figures import RESAMPLES, Figure, figures_of
 from cusick_bench.withheld.scoring.judgement import judgement_of
 from cusick_bench.withheld.scoring.labelled_answers import LabelledAnswers
@@ -163,8 +163,12 @@ def _notes(cases: pd.DataFrame) -> list[str]:
 def _severities(cases: pd.DataFrame, units: Sequence[str]) -> str:
     if len(units) == 1:
         return f"Severities are multiples of the {units[0]}."
-    others = np.count_nonzero((cases["unit"].to_numpy(str) == TYPICAL) & (cases["kind"].to_numpy(str) == SINGLE))
-    return (
-        f"Severities are multiples of the {DETECTABLE} in the case's own fabric. {others} single effects that no "
-        f"fabric shows as strongly as that have multiples of the {TYPICAL}: `{HIDDEN}`, and in no level."
-    )
+    kinds = cases["kind"].to_numpy(str)[cases["unit"].to_numpy(str) == TYPICAL]
+    singles, pairs = (np.count_nonzero(kinds == kind) for kind in (SINGLE, PAIR))
+    text = f"Severities are multiples of the {DETECTABLE} in the case's own fabric."
+    if singles:
+        text += (
+            f" {singles} single effects that no fabric shows as strongly as that have multiples of the {TYPICAL}: "
+            f"`{HIDDEN}`, and in no level."
+        )
+    return f"{text} {pairs} pairs have such multiples, too, and are in no level." if pairs else text

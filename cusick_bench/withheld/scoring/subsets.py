@@ -38,8 +38,8 @@ def subsets_of(cases: pd.DataFrame) -> dict[str, Bool[ndarray, " cases"]]:
 def levels_of(cases: pd.DataFrame) -> ndarray:
     """Level of severity of every case.
 
-    Where any single effect has multiples of the detectable shift, only these count: who gives typical severities beside
-    them does so because the effect is not known to be detectable.
+    Where any case has multiples of the detectable shift, only these count: who gives typical severities beside them
+    does so because the effect is not known to be detectable.
 
     Args:
         cases: Judgements, a row a case.
@@ -47,9 +47,8 @@ def levels_of(cases: pd.DataFrame) -> ndarray:
     Returns:
         The level, "" where a case has none, or one in another unit.
     """
-    unit, single = cases["unit"].to_numpy(str), cases["kind"].to_numpy(str) == SINGLE
-    mixed = bool((unit[single] == DETECTABLE).any())
-    return np.where((unit == DETECTABLE) | (not mixed), cases["level"].to_numpy(str), "")
+    detectable = cases["unit"].to_numpy(str) == DETECTABLE
+    return np.where(detectable | (not detectable.any()), cases["level"].to_numpy(str), "")
 
 
 def unit_of_levels(cases: pd.DataFrame) -> str:

@@ -138,7 +138,7 @@ def by_severity(scores: Scores) -> list[list[str]]:
     for name in names:
         entries = [values.get((name, level)) for level in levels]
         lines.append([name, *("" if entry is None else with_interval(entry) for entry in entries)])
-    counted = next((name for name in ("power", "unknown recalled") if name in names), "")
+    counted = next((name for name in ("power", "unknown recalled", "pairs: power") if name in names), "")
     counts = [values.get((counted, level)) for level in levels]
     return [*lines, ["cases", *("" if entry is None else str(entry.cases) for entry in counts)]]
 

@@ -143,6 +143,9 @@ class TestTables:
         made, facts, path = some_judgements(), {"command": "a", "code": "1"}, tmp_path / "controls.csv"
         path.write_text(csv_text(rows(made, figures(made), facts)))
         assert list(map(repr, read_judgements(path, facts))) == list(map(repr, made))
+        formula = [replace(made[0], fabric="@wool")]  # which the file guards against spreadsheets
+        path.write_text(csv_text(rows(formula, figures(formula), facts)))
+        assert [one.fabric for one in read_judgements(path, facts)] == ["@wool"]
         assert read_judgements(path, {**facts, "code": "2"}) == []
         assert read_judgements(path, {**facts, "data_sha256": "a table of before knows nothing of it"}) == []
         assert read_judgements(tmp_path / "none.csv", facts) == []
