@@ -298,6 +298,10 @@ class Oracle(Solver):
     def options(self) -> dict[str, Any]:
         return {}
 
+    def samples_used(self, given: int) -> int:
+        """All: the other samples of a held-out one are those that train, too."""
+        return given
+
     def revealing(self, heldout: HeldOut) -> Oracle:
         """The oracle with the held-out images.
 

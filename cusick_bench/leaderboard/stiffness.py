@@ -20,7 +20,7 @@ from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.bootstrap import Estimate, geometric_mean, repeats
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells.loading import Cells
-from cusick_bench.leaderboard.cells.variants import BOARD, method_label, variants
+from cusick_bench.leaderboard.cells.variants import method_label, of_boards, variants
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity
 from cusick_bench.metrics.stiffness import BENDING, GF_CM2_PER_CM, STRETCH
@@ -85,11 +85,10 @@ def stiffness_rows(cells: Cells, *, seed: int = 0) -> list[StiffnessRow]:
     """
     generator = np.random.default_rng(seed)
     rows: list[StiffnessRow] = []
-    several = len(set(cells.table["protocol"])) > 1
-    for _, board in cells.table.groupby(BOARD, sort=True):
-        dataset, split = board["dataset"].iloc[0], f", split {board['protocol'].iloc[0]}" if several else ""
+    for apart, board in of_boards(cells.table):
+        dataset = board["dataset"].iloc[0]
         for (solver, variant), group in variants(board):
-            label = method_label(solver, variant) + split
+            label = method_label(solver, variant) + apart
             of_cloths = [
                 (str(cloth), found) for cloth, part in group.groupby("cloth", sort=True) if (found := _found(part))
             ]

@@ -15,7 +15,7 @@ import pandas as pd
 from cusick_bench.files import parse_json
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells.loading import Cells, numbered_alike
-from cusick_bench.leaderboard.cells.variants import flattened, method_label, values_in_words, variants
+from cusick_bench.leaderboard.cells.variants import flattened, method_label, of_boards, values_in_words, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text
@@ -127,7 +127,13 @@ def _require_same_data(here: Cells, there: Cells) -> None:
 
 
 def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    return {method_label(*name): group for name, group in variants(table)}
+    """Cells by method; of several data sets, or splits, each by itself: they pose other problems with equal numbers."""
+    several = table["dataset"].nunique() > 1
+    return {
+        method_label(*name) + (f", {cells['dataset'].iloc[0]}" if several else "") + apart: group
+        for apart, cells in of_boards(table)
+        for name, group in variants(cells)
+    }
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:

@@ -177,6 +177,19 @@ class TestLeftOut:
         assert disc.comparison.units == 2 * CLOTHS_RUN
         assert disc.ratio.low < 0.999 < 1.001 < disc.ratio.high  # some are worse, as many are better
 
+    def test_data_that_have_changed_tell_no_numbers_of_samples(self, lab, tmp_path):
+        """Rows of the index have moved: other samples were named, and of rows that are gone there was a traceback."""
+        own, cloths = Path(shutil.copytree(lab, tmp_path / "own")), ["fabric_2", "fabric_3"]
+        folder = solve(own, tmp_path / "run", [0], ["null:disc"], protocol="leave-one-sample-out", cloths=cloths)
+        before = read_cells(folder)
+        shutil.rmtree(own / "data" / "Fabric 1")
+        with pytest.raises(LeaderboardError, match=r"own must be the data of .*, since they tell which samples"):
+            read_cells(folder)
+        solve(own, folder, [0], ["null:disc"], protocol="leave-one-sample-out", cloths=cloths)
+        after = read_cells(folder)
+        columns = ["solver", "cloth", "seed", "left_out", "test_mse"]
+        assert after[columns].equals(before[columns]), "of the data as they are now"
+
     def test_one_split_is_not_compared_with_it(self, left_out):
         table = read_cells(left_out)
         one = table.groupby(["solver", "cloth"], as_index=False).first().drop(columns=["left_out", "protocol"])

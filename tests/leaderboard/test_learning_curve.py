@@ -84,7 +84,8 @@ def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize(
-    ("solver", "same"), [("heter", [2, 4]), ("bdp-field", []), ("bdp-field,samples=2", [4]), ("null:copy", [2, 4])]
+    ("solver", "same"),
+    [("heter", [2, 4]), ("bdp-field", []), ("bdp-field,samples=2", [4]), ("null:copy", [2, 4]), ("oracle:mean", [])],
 )
 def test_solvers_that_use_no_more_samples_fit_the_same_again(solver: str, same: list[int]) -> None:
     assert numbers_without_more(make_solver(solver), [4, 1, 2, 2]) == same

@@ -67,6 +67,17 @@ def run(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_what_was_found_before_and_after_the_data_changed_stands_apart(tmp_path):
+    """A weight that was corrected: two lines of one name had other numbers, and nothing told which was which."""
+    for state, factor in (("a" * 64, 2.0), ("b" * 64, 3.0)):
+        cell = write_cell(tmp_path, "homo", "blue", 0, found(factor))
+        result = json.loads((cell / "result.json").read_text())
+        (cell / "result.json").write_text(json.dumps(result | {"dataset_hash": state}))
+        cell.rename(cell.with_name(f"{cell.name}-{state}"))
+    errors = {row.solver: row.error_factor for row in stiffness_rows(load_cells(tmp_path))}
+    assert errors == pytest.approx({f"homo, data {'a' * 12}": 2.0, f"homo, data {'b' * 12}": 3.0})
+
+
 def test_what_was_found_from_two_splits_stands_apart(tmp_path):
     for split, factor in (("paper", 2.0), ("all", 3.0)):
         cell = write_cell(tmp_path, "homo", "blue", 0, found(factor))

@@ -39,6 +39,23 @@ def test_ratio_is_this_run_over_the_other(tmp_path):
     assert ("budget", "40", "None") in both.differences
 
 
+def test_splits_of_a_learning_curve_are_compared_each_with_itself(tmp_path):
+    """Fits of one sample were held against fits of eight, by the order of folders."""
+    folders = [tmp_path / "here", tmp_path / "there"]
+    for folder, order in zip(folders, (("first-1", "first-8"), ("first-8", "first-1")), strict=True):
+        for place, split in enumerate(order):
+            _run(folder, {"homo": 0.08 if split == "first-1" else 0.01}, protocol=split)
+            for cell in folder.glob("cells/homo-*"):
+                cell.rename(cell.with_name(f"{place}-{cell.name}"))
+    both = compare_runs(*map(load_cells, folders))
+    assert [one.label for one in both.methods] == ["homo, split first-1", "homo, split first-8"]
+    changes = [one.changes["test_mse"] for one in both.methods]
+    assert [(one.before, one.after, one.verdict) for one in changes] == [
+        (pytest.approx(0.1608), pytest.approx(0.1608), "same"),
+        (pytest.approx(0.0201), pytest.approx(0.0201), "same"),
+    ]
+
+
 def test_cloths_of_one_run_only_do_not_count(tmp_path):
     here, there = (_run(tmp_path / name, {"homo": 0.03}) for name in ("here", "there"))
     extra = write_cell(here, "homo", "d")

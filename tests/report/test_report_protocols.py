@@ -1,5 +1,7 @@
 """Pictures and numbers of a run follow the protocol of its data."""
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,9 @@ from finished_cell import write_cell
 from matplotlib.figure import Figure
 from other_laboratory import LARGE_IMAGES, SMALL_CLOTH, write_laboratory
 from scipy.ndimage import map_coordinates
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import outline_pixels
@@ -47,6 +51,22 @@ def test_a_cell_is_shown_as_under_the_releases_protocol(laboratories, tmp_path, 
     share, expected_share = (float(words.split("coefficient ")[1].split(" %")[0]) for words in (text, expected))
     assert share == pytest.approx(expected_share, abs=0.2)
     assert (picture.width, picture.height) == (drawn.width, drawn.height)
+
+
+def test_sizes_stay_those_of_the_laboratory_after_its_data_have_changed(laboratories, tmp_path):
+    """`identify` keeps the fit of a fabric where others are added: its cell is of the data as they were."""
+    dataset, run = laboratories["small cloth"], tmp_path / "run"
+    root = Path(shutil.copytree(dataset.root, tmp_path / dataset.root.name))
+    cell = write_cell(run, dataset, "null:copy", CLOTH, np.stack([dataset.image(1).numpy()]))
+    result = json.loads((cell / "result.json").read_text()) | {"nominal": dataset.protocol.unlike_release()}
+    (cell / "result.json").write_text(json.dumps(result))
+    (run / "run.json").write_text(json.dumps({"source": {"data": {"path": str(root)}}}))
+    (root / dataset.index["image"].iloc[1]).unlink()
+    shown = CliRunner().invoke(app, ["report", str(run)])
+    assert "has changed since the run" in shown.stderr
+    assert "taken as the public release's" not in shown.stderr
+    (root / "protocol.json").unlink()
+    assert "taken as the public release's" in CliRunner().invoke(app, ["report", str(run)]).stderr
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)

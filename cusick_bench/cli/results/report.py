@@ -14,6 +14,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.datasets import DataError
 from cusick_bench.report import ReportError
+from cusick_bench.runner.store import RESULT_FILE, read_json
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -77,16 +78,19 @@ def report(
 def _of_data(cells: Cells, data: str | None) -> tuple[Unseen, Protocol]:
     """Radii of each split's unseen samples, and the data's protocol.
 
-    Where the data are not the run's there are no radii and the release's protocol, with a warning.
+    Where the data have changed there are no radii; where they are others, of other sizes, neither is their protocol
+    used, but the release's, with a warning.
     """
     from cusick_bench.datasets.files.protocol import RELEASE
     from cusick_bench.leaderboard.cells.source import load_data_of
 
     try:
         dataset = load_data_of(cells, data)
-        if dataset.content_hash not in set(cells.table["dataset_hash"]):
-            raise DataError(f"{dataset.name} is not what the run used", remedy="give the run's data with --data")
         own = cells.table.loc[cells.table["dataset_hash"] == dataset.content_hash]
+        if own.empty and (data is not None or not _alike(cells, dataset)):
+            raise DataError(f"{dataset.name} is not what the run used", remedy="give the run's data with --data")
+        if own.empty:
+            tell(f"no band of unseen samples: {dataset.name} has changed since the run")
         splits = set(zip(own["cloth"], own["test"], strict=True))
         return {(cloth, rows): _radii(dataset, rows) for cloth, rows in splits if rows}, dataset.protocol
     except (CusickError, OSError) as error:
@@ -94,6 +98,14 @@ def _of_data(cells: Cells, data: str | None) -> tuple[Unseen, Protocol]:
             raise
         tell(f"no band of unseen samples, and sizes are taken as the public release's: {error}")
         return {}, RELEASE
+
+
+def _alike(cells: Cells, dataset: DrapeDataset) -> bool:
+    """Whether all cells are of this data set, and of its sizes and camera, in whatever state it was."""
+    sizes = dataset.protocol.unlike_release()
+    return set(cells.table["dataset"]) == {dataset.name} and all(
+        read_json(folder / RESULT_FILE).get("nominal", {}) == sizes for folder in cells.table["folder"]
+    )
 
 
 def _radii(dataset: DrapeDataset, rows: tuple[int, ...]) -> np.ndarray:

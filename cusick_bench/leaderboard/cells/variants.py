@@ -46,6 +46,22 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
             yield (str(solver), ", ".join(f"{name}={value}" for name, value in own.items())), part
 
 
+def of_boards(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Cells of each leaderboard: of one data set in one state, split in one way.
+
+    Args:
+        table: Table of cells, from `load_cells`.
+
+    Returns:
+        What sets them apart from those of the same data set on other boards, such as ", split first-8" or
+        ", data 0123456789ab", "" where nothing does; and the cells.
+    """
+    splits, states = table["protocol"].nunique(), table.groupby("dataset")["dataset_hash"].nunique()
+    for (dataset, state, split), cells in table.groupby(BOARD, sort=True):
+        apart = f", split {split}" if splits > 1 else ""
+        yield apart + (f", data {str(state)[:_HASH_DIGITS]}" if states[dataset] > 1 else ""), cells
+
+
 def method_label(solver: str, variant: str) -> str:
     """Name of a method as it is shown.
 

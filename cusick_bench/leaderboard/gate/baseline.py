@@ -8,6 +8,7 @@ the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,11 +114,30 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     return with_numbers(table.astype({LEFT_OUT: "Int64"}), repeat)
 
 
-def _index_of(cells: Cells) -> pd.DataFrame:
-    """Index of the run's data, which tells the numbers of samples; empty where none are left out in turn."""
-    skipped = [cell.columns["protocol"] for cell in cells.skipped if cell.columns]
-    in_turn = LEAVE_ONE_OUT in {*cells.table["protocol"], *skipped}
-    return load_data_of(cells).table if in_turn else pd.DataFrame()
+def _with_index(cells: Cells) -> tuple[Cells, pd.DataFrame]:
+    """Cells, and the index of the run's data, which tells the numbers of samples that are left out in turn.
+
+    Where there are none, the index is empty; else cells of other data are left aside, whose rows are other samples.
+
+    Raises:
+        LeaderboardError: Cells of the last command are of other data, or all are.
+    """
+    table, skipped = cells.table, cells.skipped
+    in_turn = table["protocol"] == LEAVE_ONE_OUT
+    without = [cell for cell in skipped if cell.columns.get("protocol") == LEAVE_ONE_OUT]
+    if not (in_turn.any() or without):
+        return cells, pd.DataFrame()
+    dataset, last = load_data_of(cells), set(cells.run.get("cells", []))
+    other = in_turn & (table["dataset_hash"] != dataset.content_hash)
+    without = [cell for cell in without if cell.columns["dataset_hash"] != dataset.content_hash]
+    folders = [*table.loc[other, "folder"], *(cell.folder for cell in without)]
+    if other.all() or last & {folder.name for folder in folders}:
+        raise LeaderboardError(
+            f"{dataset.name} must be the data of {cells.folder}, since they tell which samples were left out, and is "
+            "not what the run used; repeat its `cusick-bench run` command, or bring back the data"
+        )
+    kept = tuple(cell for cell in skipped if cell not in without)
+    return replace(cells, table=table.loc[~other].reset_index(drop=True), skipped=kept), dataset.table
 
 
 def _of_run(cells: Cells) -> pd.DataFrame:
@@ -125,7 +145,8 @@ def _of_run(cells: Cells) -> pd.DataFrame:
 
     Cells of a solver by other code than those of the last command stay out, though this asked for fewer seeds.
     """
-    done, index = cells.table.drop(columns="repeat"), _index_of(cells)
+    cells, index = _with_index(cells)
+    done = cells.table.drop(columns="repeat")
     done[LEFT_OUT] = [left_out_sample(index, *split) for split in zip(done["protocol"], done["test"], strict=True)]
     done["key"] = [folder.name for folder in done["folder"]]
     done["settings"] = done["settings"].map(settings_digest)

@@ -21,7 +21,7 @@ from cusick_bench.leaderboard import (
     variants,
 )
 from cusick_bench.leaderboard.cells.commands import command_record, typed
-from cusick_bench.leaderboard.cells.variants import method_label
+from cusick_bench.leaderboard.cells.variants import method_label, of_boards
 from cusick_bench.leaderboard.text import TextTable
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
@@ -211,16 +211,17 @@ def _section(
 
 
 def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Solvers by kind, simulated ones first, and within a kind as they are ranked."""
+    """Solvers by kind, simulated ones first, and within a kind as they are ranked; those of each board by itself."""
     place = {row.label: i for i, row in enumerate(row for board in boards for row in board.rows)}
     kinds = {"solver": 0, "null": 1, "oracle": 2}
-    groups = [(method_label(solver, variant), group) for (solver, variant), group in variants(table)]
+    groups = [(method_label(*name), apart, group) for apart, own in of_boards(table) for name, group in variants(own)]
 
-    def key(item: tuple[str, pd.DataFrame]) -> tuple[int, int, str]:
-        label, group = item
-        return kinds.get(str(group["kind"].iloc[0]), 3), place.get(label, len(place)), label
+    def key(item: tuple[str, str, pd.DataFrame]) -> tuple[int, int, str, str]:
+        label, apart, group = item
+        return kinds.get(str(group["kind"].iloc[0]), 3), place.get(label, len(place)), label, apart
 
-    yield from sorted(groups, key=key)
+    for label, apart, group in sorted(groups, key=key):
+        yield label + apart, group
 
 
 def _picture_title(cloth: str, label: str) -> str:
@@ -229,11 +230,8 @@ def _picture_title(cloth: str, label: str) -> str:
 
 def _picture_titles(table: pd.DataFrame) -> list[str]:
     """Titles of all pictures of a run, in an order that is the same whichever of them are drawn."""
-    return sorted(
-        _picture_title(cloth, method_label(solver, variant))
-        for (solver, variant), group in variants(table)
-        for cloth in set(group["cloth"])
-    )
+    groups = _in_order(table, [])
+    return sorted({_picture_title(cloth, label) for label, group in groups for cloth in set(group["cloth"])})
 
 
 def _seeds(group: pd.DataFrame) -> str:
