@@ -128,7 +128,7 @@ def _require_same_data(here: Cells, there: Cells) -> None:
 
 def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Cells by method; of several data sets, or splits, each by itself: they pose other problems with equal numbers."""
-    several = table["dataset"].nunique() > 1
+    several = len(set(table["dataset"])) > 1
     return {
         method_label(*name) + (f", {cells['dataset'].iloc[0]}" if several else "") + apart: group
         for apart, cells in of_boards(table)

@@ -56,10 +56,12 @@ def of_boards(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
         What sets them apart from those of the same data set on other boards, such as ", split first-8" or
         ", data 0123456789ab", "" where nothing does; and the cells.
     """
-    splits, states = table["protocol"].nunique(), table.groupby("dataset")["dataset_hash"].nunique()
-    for (dataset, state, split), cells in table.groupby(BOARD, sort=True):
+    splits = len(set(table["protocol"]))
+    states = {str(dataset): len(set(cells["dataset_hash"])) for dataset, cells in table.groupby("dataset")}
+    for _, cells in table.groupby(BOARD, sort=True):
+        dataset, state, split = (str(cells[name].iloc[0]) for name in BOARD)
         apart = f", split {split}" if splits > 1 else ""
-        yield apart + (f", data {str(state)[:_HASH_DIGITS]}" if states[dataset] > 1 else ""), cells
+        yield apart + (f", data {state[:_HASH_DIGITS]}" if states[dataset] > 1 else ""), cells
 
 
 def method_label(solver: str, variant: str) -> str:

@@ -123,21 +123,22 @@ def _with_index(cells: Cells) -> tuple[Cells, pd.DataFrame]:
         LeaderboardError: Cells of the last command are of other data, or all are.
     """
     table, skipped = cells.table, cells.skipped
-    in_turn = table["protocol"] == LEAVE_ONE_OUT
     without = [cell for cell in skipped if cell.columns.get("protocol") == LEAVE_ONE_OUT]
-    if not (in_turn.any() or without):
+    if LEAVE_ONE_OUT not in set(table["protocol"]) and not without:
         return cells, pd.DataFrame()
     dataset, last = load_data_of(cells), set(cells.run.get("cells", []))
-    other = in_turn & (table["dataset_hash"] != dataset.content_hash)
+    states = zip(table["protocol"], table["dataset_hash"], strict=True)
+    own = [split != LEAVE_ONE_OUT or state == dataset.content_hash for split, state in states]
     without = [cell for cell in without if cell.columns["dataset_hash"] != dataset.content_hash]
-    folders = [*table.loc[other, "folder"], *(cell.folder for cell in without)]
-    if other.all() or last & {folder.name for folder in folders}:
+    others = {folder.name for folder, kept in zip(table["folder"], own, strict=True) if not kept}
+    others |= {cell.folder.name for cell in without}
+    if last & others or (others and not any(own)):
         raise LeaderboardError(
             f"{dataset.name} must be the data of {cells.folder}, since they tell which samples were left out, and is "
             "not what the run used; repeat its `cusick-bench run` command, or bring back the data"
         )
     kept = tuple(cell for cell in skipped if cell not in without)
-    return replace(cells, table=table.loc[~other].reset_index(drop=True), skipped=kept), dataset.table
+    return replace(cells, table=table.loc[own].reset_index(drop=True), skipped=kept), dataset.table
 
 
 def _of_run(cells: Cells) -> pd.DataFrame:
