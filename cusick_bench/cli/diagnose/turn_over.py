@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cusick_bench.diagnosis.inference.laboratory.turn_over import TurnOver, Way
+    from cusick_bench.diagnosis.measure.captures import Captures
 
 
 app = typer.Typer()
@@ -57,9 +59,16 @@ def diagnose_turn_over(
     chosen = list(dict.fromkeys(fabric or _with_both_faces(dataset)))
     if not chosen:
         raise DiagnosisError(f"no fabric of {data} has pictures of both faces; photograph some samples face down, too")
+    captures: list[Captures] = []
+    unread: dict[str, str] = {}
     with progress_bar("reading data") as bar, interruptible("nothing was written"):
-        captures = [read_captures(dataset, name, force=force) for name in chosen]
+        for name in chosen:
+            try:
+                captures.append(read_captures(dataset, name, force=force))
+            except DiagnosisError as error:
+                unread[name] = str(error)
         found = turn_over(captures, emulator, calibration, progress=bar.tell)
+        found = replace(found, refused={**unread, **found.refused})
     if not found.by_fabric:
         why = "; ".join(f"{name}: {reason}" for name, reason in found.refused.items())
         raise DiagnosisError(f"no fabric of {data} can be compared with the atlas: {why}")

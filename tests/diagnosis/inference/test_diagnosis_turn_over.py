@@ -121,3 +121,15 @@ class TestCommand:
             done = CliRunner().invoke(app, ["diagnose-turn-over", str(tmp_path), *options])
             assert done.exit_code == 0, done.output
             assert "fabric_7 and fabric_8 share 12 pictures" in done.stdout
+
+    def test_a_fabric_whose_pictures_cannot_be_used_does_not_stop_the_others(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        found = TurnOver({"fabric_7": dict(zip(WAYS, (0.0, -12.0, -30.0, -40.0), strict=True))}, {})
+        monkeypatch.setattr(module, "turn_over", lambda captures, *given, **more: found)
+        write_toy(tmp_path, fabrics=(7, 9), meshes=False)
+        for picture in (tmp_path / "data" / "Fabric 9" / "silhouettes").iterdir():
+            picture.write_bytes(b"no picture")
+        done = CliRunner().invoke(app, ["diagnose-turn-over", str(tmp_path), "--json"])
+        assert done.exit_code == 0, done.output
+        assert "fabric_9" in json.loads(done.stdout)["refused"]
