@@ -26,7 +26,8 @@ def key_of_own_data(dataset: DrapeDataset, cell: Cell) -> str:
     Returns:
         20 hexadecimal digits, which pictures and weights of other cloths do not change.
     """
-    rows = dataset.table.index[dataset.table["cloth"] == cell.cloth].tolist()
+    cloths = zip(dataset.table.index.tolist(), dataset.table["cloth"], strict=True)
+    rows = [row for row, cloth in cloths if cloth == cell.cloth]
     own = {name: value for name, value in cell.record().items() if name not in _WHOLE}
     own |= {name: [rows.index(row) for row in getattr(cell, name)] for name in ("train", "test")}
     return record_key(own | {"data": dataset.select(cloth=cell.cloth).content_hash})
