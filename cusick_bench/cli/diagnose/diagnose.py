@@ -117,19 +117,12 @@ def _with_samples(dataset: Any) -> list[str]:
 
 def _with_usable_samples(dataset: Any, names: list[str], *, force: bool) -> dict[str, Captures]:
     """Silhouettes of those with enough samples that can be used, or of all where none has; the others are told."""
-    from cusick_bench.diagnosis.errors import DiagnosisError
-    from cusick_bench.diagnosis.measure.captures import read_captures
+    from cusick_bench.diagnosis.measure.captures import read_usable_captures
     from cusick_bench.diagnosis.options import LEAST_SAMPLES
 
-    found: dict[str, Captures] = {}
-    unread: dict[str, DiagnosisError] = {}
-    for name in names:
-        try:
-            found[name] = read_captures(dataset, name, force=force)
-        except DiagnosisError as error:
-            unread[name] = error
+    found, unusable = read_usable_captures(dataset, names, force=force)
     if not found:
-        raise next(iter(unread.values()))
+        raise next(iter(unusable.values()))
     usable = {name: len(set(own.sample.tolist())) for name, own in found.items()}
     enough = {name: own for name, own in found.items() if usable[name] >= LEAST_SAMPLES} or found
     for name in [one for one in names if one not in enough]:

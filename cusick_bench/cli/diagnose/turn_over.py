@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cusick_bench.diagnosis.inference.laboratory.turn_over import TurnOver, Way
-    from cusick_bench.diagnosis.measure.captures import Captures
 
 
 app = typer.Typer()
@@ -51,7 +50,7 @@ def diagnose_turn_over(
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.document.laboratory import shown_twice
     from cusick_bench.diagnosis.inference.laboratory.turn_over import turn_over
-    from cusick_bench.diagnosis.measure.captures import read_captures
+    from cusick_bench.diagnosis.measure.captures import read_usable_captures
 
     emulator, calibration = load_atlas(atlas)
     with progress_bar("reading data") as bar:
@@ -59,16 +58,11 @@ def diagnose_turn_over(
     chosen = list(dict.fromkeys(fabric or _with_both_faces(dataset)))
     if not chosen:
         raise DiagnosisError(f"no fabric of {data} has pictures of both faces; photograph some samples face down, too")
-    captures: list[Captures] = []
-    unread: dict[str, str] = {}
     with progress_bar("reading data") as bar, interruptible("nothing was written"):
-        for name in chosen:
-            try:
-                captures.append(read_captures(dataset, name, force=force))
-            except DiagnosisError as error:
-                unread[name] = str(error)
+        usable, unusable = read_usable_captures(dataset, chosen, force=force)
+        captures = list(usable.values())
         found = turn_over(captures, emulator, calibration, progress=bar.tell)
-        found = replace(found, refused={**unread, **found.refused})
+    found = replace(found, refused={**{name: str(why) for name, why in unusable.items()}, **found.refused})
     if not found.by_fabric:
         why = "; ".join(f"{name}: {reason}" for name, reason in found.refused.items())
         raise DiagnosisError(f"no fabric of {data} can be compared with the atlas: {why}")

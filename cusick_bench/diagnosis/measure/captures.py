@@ -9,7 +9,7 @@ angle phi of the cloth, counter-clockwise from warp with the face up, is seen at
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
 
@@ -202,6 +202,32 @@ def read_captures(dataset: DrapeDataset, fabric: str, *, force: bool = False) ->
         thickness=float(chosen.table["thickness"].iloc[0]),
     )
     return replace(captures, notes=tuple(notes))
+
+
+def read_usable_captures(
+    dataset: DrapeDataset, fabrics: Iterable[str], *, force: bool = False
+) -> tuple[dict[str, Captures], dict[str, DiagnosisError]]:
+    """Silhouettes of those fabrics of which an image can be used.
+
+    Args:
+        dataset: The data set.
+        fabrics: Some of its `cloths`.
+        force: As in `read_captures`.
+
+    Returns:
+        The captures by fabric, and for each of the others why none of its images can be used.
+
+    Raises:
+        DataError: As in `read_captures`.
+    """
+    found: dict[str, Captures] = {}
+    unusable: dict[str, DiagnosisError] = {}
+    for name in fabrics:
+        try:
+            found[name] = read_captures(dataset, name, force=force)
+        except DiagnosisError as error:
+            unusable[name] = error
+    return found, unusable
 
 
 @dataclass(frozen=True, eq=False)
