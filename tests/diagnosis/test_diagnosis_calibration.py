@@ -12,7 +12,7 @@ from cusick_bench.datasets import load as load_data
 from cusick_bench.diagnosis import calibrate as module
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
+from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.calibrate import (
     DISCREPANCIES,
     INFLATIONS,
@@ -31,11 +31,6 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
-
-
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
 
 
 def fabric(emulator: Emulator, bending: float) -> Residual:

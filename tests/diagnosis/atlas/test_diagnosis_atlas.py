@@ -22,11 +22,6 @@ from cusick_bench.sim.effects import registered
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 
 
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
-
-
 def test_features_of_known_numbers() -> None:
     generator = np.random.default_rng(0)
     specimens = generator.standard_normal((400, 2, len(NAMES))) * 0.5 + 3.0

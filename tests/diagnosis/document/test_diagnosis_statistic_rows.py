@@ -10,7 +10,6 @@ from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.atlas.store import load_uncalibrated
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
@@ -20,11 +19,6 @@ from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import Options
-
-
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
 
 
 def scores(emulator: Emulator, specimens: np.ndarray, simulated: np.ndarray | None) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
+from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.laboratory.laboratory import laboratory
 from cusick_bench.diagnosis.inference.laboratory.shared_effects import LaboratoryFabric, log_prior, shared_points
@@ -32,11 +32,6 @@ from cusick_bench.diagnosis.measure.features import ORDERS
 
 BETWEEN = {"shift": 3.7e-3, "direction": 127.5}
 """Half a step between two severities and two directions."""
-
-
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
 
 
 @pytest.fixture(scope="module")

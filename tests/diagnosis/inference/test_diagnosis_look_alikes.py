@@ -7,7 +7,7 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
+from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.findings.novelty import Novelty
 from cusick_bench.diagnosis.inference.findings.verdict import finding
@@ -31,11 +31,6 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 
 FITS = Novelty(0.5, 0.9)
 NAMES = ("camera-offset", "camera-scale")
-
-
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
 
 
 @pytest.fixture(scope="module")

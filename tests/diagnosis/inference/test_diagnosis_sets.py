@@ -14,7 +14,6 @@ from cusick_bench.diagnosis.atlas.store import (
     OUTLINE_MISMATCH,
     PLATE_MISMATCH,
     Calibration,
-    load_uncalibrated,
 )
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
@@ -47,11 +46,6 @@ SIZES = {
     "creep": (0.15, None),
     "camera-scale": (-0.03, None),
 }
-
-
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
 
 
 def planted(emulator: Emulator, names: tuple[str, ...], bending: float = -6.0) -> tuple[FabricData, list[Candidate]]:

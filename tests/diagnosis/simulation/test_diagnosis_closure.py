@@ -9,7 +9,6 @@ import torch
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import load_uncalibrated
 from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
 from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
 from cusick_bench.diagnosis.inference.residuals.residual import against_base
@@ -25,11 +24,6 @@ from cusick_bench.sim.setup import Setup
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 NOTHING = np.zeros(len(NAMES))
-
-
-@pytest.fixture(scope="module")
-def emulator() -> Emulator:
-    return load_uncalibrated()[0]
 
 
 def drawn(

@@ -1,0 +1,24 @@
+"""Which measurement would tell the effects in doubt apart."""
+
+import pytest
+
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE
+from cusick_bench.diagnosis.inference.single_effects.next_measurement import TURN_OVER, advise
+
+
+def test_advice_is_the_entropy_of_its_partition() -> None:
+    found = advise({"density-bias": 0.5, NONE: 0.5})
+    assert found[0].bits == pytest.approx(1.0)
+    assert any(one.measurement.name == "weigh" for one in found)
+    assert advise({"creep": 1.0}) == []
+    shared = {"plate-tilt": {"plate-tilt": 0.75, "off-centre": 0.25}}
+    in_doubt = advise({"plate-tilt": 1.0, NONE: 0.0}, shared=shared)
+    assert {one.measurement.name for one in in_doubt} == {"measure the plate", "side view"}
+    assert [one.bits for one in in_doubt] == pytest.approx([0.811] * 2, abs=1e-3)
+    assert advise({"plate-tilt": 1.0}, shared={"plate-tilt": {"plate-tilt": 1.0}}) == []
+
+
+def test_what_has_been_measured_already_is_not_advised() -> None:
+    either = {"rest-curvature": 0.5, NONE: 0.5}
+    assert TURN_OVER in [one.measurement.name for one in advise(either, most=9)]
+    assert TURN_OVER not in [one.measurement.name for one in advise(either, made=(TURN_OVER,), most=9)]
