@@ -26,6 +26,7 @@ from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
 _SILHOUETTES = ("silh", "silo")  # beginnings of names of folders; the release's are misspelt, and silk is a cloth
 _MARKS = (PROTOCOL, FABRICS)
+_NEW = ".data"  # the data set that takes the place of the earlier one as soon as it is whole
 
 
 def holds_photographs(folder: Path) -> bool:
@@ -129,6 +130,7 @@ def _prepared(
 ) -> Preparation:
     """Photographs as a data set in the workspace, made anew only where they, options or the code have changed."""
     found = find_pictures(folder)
+    _require_text(_files(found))
     setting = replace(setting_of(text, folder, sorted({one.fabric for one in found.drapes})), image_size=image_size)
     workspace.prepare()
     shown = [one.name for one in found.drapes]  # which a folder's name may say, and not the file's
@@ -144,13 +146,28 @@ def _prepared(
         raise IdentifyError(f"{record} was not written by an identification; choose another --out, or move it away")
     if record.exists() and workspace.data.is_dir():
         _require_unedited(workspace)
-        shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
-    require_free(folder, workspace.data)  # before the record, which says that the data set is ours to remove
-    keep(record, "", {})
+    else:
+        require_free(folder, workspace.data)  # before the record, which says that the data set is ours to remove
+        keep(record, "", {})
     begin(len(found.drapes))
-    preparation = _described(prepare(folder, workspace.data, setting, done))
+    new = workspace.out / _NEW
+    shutil.rmtree(new, ignore_errors=True)  # what a crash has left
+    preparation = _described(prepare(folder, new, setting, done))
+    keep(record, "", {})
+    if workspace.data.exists():
+        shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
+    new.rename(workspace.data)
     keep(record, key, {"preparation": preparation.model_dump_json(), "files": digests(workspace.data)})
     return _usable(preparation, workspace)
+
+
+def _require_text(paths: list[Path]) -> None:
+    """Refuses names with bytes that are no UTF-8, such as those of an old archive: no record can hold them."""
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError as error:
+            raise IdentifyError(f"{path}: names of photographs and their folders must be UTF-8; rename it") from error
 
 
 def _require_unedited(workspace: Workspace) -> None:

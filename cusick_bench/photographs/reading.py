@@ -15,9 +15,10 @@ from cusick_bench.photographs.errors import BadPhotograph
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 UNREAD_SUFFIXES = (
     ".heic", ".heif", ".hif", ".avif", ".jxl", ".jp2", ".jfif", ".gif",
+    ".jpe", ".tga", ".pbm", ".pgm", ".ppm", ".psd",
     ".dng", ".cr2", ".cr3", ".nef", ".nrw", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw",
 )  # fmt: skip
-"""Pictures of phones and cameras that are not read."""
+"""Pictures of phones, cameras and programs that are not read."""
 _FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP")
 _DEEP = ("I", "F")  # beginnings of Pillow's modes of 16 and 32 bits
 _MOST_PIXELS = 120_000_000

@@ -1,6 +1,7 @@
 """Identification from photographs: when they are prepared, which are refused, and what else a folder may hold."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from cusick_bench.identify import data as data_of_folder
 from cusick_bench.identify.data import as_data_set, holds_photographs
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.workspace import Workspace, digests
+from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.setting_text import SettingText
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -90,6 +92,34 @@ def test_edits_in_a_data_set_that_was_prepared_are_not_lost(photographs, tmp_pat
     workspace.data.rename(tmp_path / "mine")
     prepared("200 g/m2")
     assert "0.2," in (workspace.data / "fabrics.csv").read_text()
+
+
+def test_a_photograph_that_cannot_be_used_takes_no_data_set_away(photographs, tmp_path):
+    """That of the other photographs was removed before the new one could be made."""
+    folder, workspace, read = tmp_path / "photos", Workspace(tmp_path / "out"), []
+    shutil.copytree(photographs, folder)
+    as_data_set(str(folder), workspace, SettingText(), 256)
+    before, other = digests(workspace.data), folder / "Fabric_1_Sample_2_Capture_1.jpg"
+    with Image.open(folder / "Fabric_1_Sample_1_Capture_1.jpg") as image:
+        image.crop((0, 0, image.width, image.height - 60)).save(other)
+    with pytest.raises(BadPhotograph, match="the calibration's pictures"):
+        as_data_set(str(folder), workspace, SettingText(), 256)
+    assert digests(workspace.data) == before
+    other.unlink()
+    as_data_set(str(folder), workspace, SettingText(), 256, done=read.append)
+    assert not read
+
+
+@pytest.mark.parametrize("name", [b"Fabric_1_Sample_2_\xe9.jpg", b"\xe9t\xe9/Fabric_1_Sample_2.jpg"])
+def test_names_of_photographs_that_are_no_text_are_refused(photographs, tmp_path, name):
+    """They ended in a traceback, some of them after all outlines had been found."""
+    folder = tmp_path / "photos"
+    shutil.copytree(photographs, folder)
+    odd = folder / os.fsdecode(name)
+    odd.parent.mkdir(exist_ok=True)
+    odd.write_bytes(b"no picture")
+    with pytest.raises(IdentifyError, match="must be UTF-8; rename it"):
+        as_data_set(str(folder), Workspace(tmp_path / "out"), SettingText(), 256)
 
 
 def test_a_data_set_of_somebody_else_in_the_workspace_is_left_alone(photographs, lab, tmp_path):

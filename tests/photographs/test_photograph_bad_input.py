@@ -260,3 +260,10 @@ def test_a_bare_plate_as_the_only_ruler_leaves_the_lens_unknown_and_says_so(tmp_
     told = " ".join(result.stderr.split())
     assert "the lens is not known from the bare plate, and its distortion stays in the silhouettes" in told
     assert "add board-plane.jpg" in told
+
+
+@pytest.mark.parametrize("suffix", ["ppm", "pgm", "pbm", "tga", "jpe", "psd"])
+def test_pictures_in_formats_that_are_not_read_do_not_go_missing(tmp_path, suffix):
+    folder = _folder(tmp_path, DRAPE, "plate.jpg")
+    (folder / f"Fabric_1_Sample_2_Capture_1.{suffix}").write_bytes(b"picture")
+    assert f"is a picture in the format {suffix.upper()}" in _refused(folder, tmp_path)

@@ -52,6 +52,9 @@ def _view(eye=(0.0, 0.0, 0.8), k1=0.0, focal=1500.0):
         ("5.3 oz/yd^2", WEIGHTS, 0.17970),
         ("30 cm", LENGTHS, 0.3),
         ("11.811 in", LENGTHS, 0.3),
+        ("11.811 inches", LENGTHS, 0.3),
+        ("180\u00a0g/m²", WEIGHTS, 0.18),
+        ("180\u202fg/m²", WEIGHTS, 0.18),
     ],
 )
 def test_quantities_have_units(text, units, value):

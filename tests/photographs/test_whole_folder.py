@@ -86,3 +86,11 @@ def test_what_somebody_else_has_written_is_in_the_way(tmp_path):
     assert not free(tmp_path / "weights.csv", NAMES)
     (tmp_path / "data").mkdir()  # of a data set that is finished
     assert not free(tmp_path, NAMES, allowed=("weights.csv",))
+
+
+@pytest.mark.parametrize("name", [".DS_Store", ".~lock.weights.csv#"])
+def test_what_file_managers_and_spreadsheets_hide_is_in_nobodys_way(tmp_path, name):
+    (tmp_path / name).touch()
+    assert free(tmp_path, NAMES)
+    _write(tmp_path)
+    assert (tmp_path / name).exists()

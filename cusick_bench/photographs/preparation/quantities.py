@@ -5,7 +5,17 @@ import re
 
 from cusick_bench.photographs.errors import BadPhotograph
 
-LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "µm": 1e-6, "in": 0.0254, '"': 0.0254}
+LENGTHS = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    "um": 1e-6,
+    "µm": 1e-6,
+    "in": 0.0254,
+    "inch": 0.0254,
+    "inches": 0.0254,
+    '"': 0.0254,
+}
 WEIGHTS = {
     "kg/m2": 1.0,
     "g/m2": 1e-3,
@@ -32,7 +42,8 @@ def quantity(text: str, units: dict[str, float], name: str, example: str) -> flo
     Raises:
         BadPhotograph: No number, not above 0, or no unit that is understood.
     """
-    found = _QUANTITY.fullmatch(text.replace("²", "2").replace("^2", "2").replace("μ", "u"))
+    plain = " ".join(text.split())  # spreadsheets write blanks that do not break
+    found = _QUANTITY.fullmatch(plain.replace("²", "2").replace("^2", "2").replace("μ", "u"))
     unit = found.group(2).lower().replace(" ", "") if found else ""
     value = float(found.group(1)) if found else math.nan
     if unit not in units or not (value > 0 and math.isfinite(value)):

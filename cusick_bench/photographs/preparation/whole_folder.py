@@ -18,12 +18,12 @@ def free(out: Path, names: Collection[str], allowed: Collection[str] = ()) -> bo
         allowed: Other files that may be there; they stay.
 
     Returns:
-        False where a file is in the way, or the folder is a file itself.
+        False where a file that is not hidden is in the way, or the folder is a file itself.
     """
     if not out.exists():
         return True
-    known = {_PART, *allowed, *(names if (out / _PART).exists() else ())}
-    return out.is_dir() and all(path.name in known for path in out.iterdir())
+    known = {*allowed, *(names if (out / _PART).exists() else ())}
+    return out.is_dir() and all(path.name in known or path.name.startswith(".") for path in out.iterdir())
 
 
 @contextmanager
