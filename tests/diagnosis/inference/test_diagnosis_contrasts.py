@@ -71,6 +71,13 @@ def test_contrasts_are_unbiased_and_their_covariance_is_said(name: str) -> None:
         assert found.share[0][1, 1] == pytest.approx(0.0, abs=1e-15)
 
 
+def test_spreads_are_expected_to_be_known_as_well_as_they_are_measured() -> None:
+    """Real and imaginary parts count together, so their spread is known twice as well."""
+    measured = features(np.random.default_rng(0).standard_normal((12, 2, COUNT))).spread_variance
+    expected = expected_features(toy_emulator(), PRIOR_MEAN, 12).spread_variance
+    np.testing.assert_allclose(expected, measured, rtol=0.1)
+
+
 @pytest.mark.parametrize("samples", [3, 12])
 def test_spreads_of_few_samples_are_not_too_small_on_average(samples: int) -> None:
     """Of the logarithm, which of a few samples' standard deviation lies far below that of the true one."""

@@ -52,6 +52,22 @@ def grid_of(name: str, emulator: Emulator, residual: Residual) -> Grid:
     return grid_at(emulator, hypothesis_of(name, emulator), residual)
 
 
+@pytest.mark.parametrize("samples", [12, 48])
+def test_what_an_atlas_does_not_know_of_a_shift_is_in_units_of_noise(emulator: Emulator, samples: int) -> None:
+    """As the shift is: the more samples, the less noise there is, and the more of it the same error is."""
+    expected = expected_features(emulator, PRIOR_MEAN, samples)
+    residual = FabricData(emulator, Calibration(), expected, None, 0.5).against(start=PRIOR_MEAN, fixed=True)
+    friction = hypothesis_of("bending-friction", emulator)
+    moved = shifts(emulator, friction, PRIOR_MEAN, residual.sd, residual.drift)
+    error = np.zeros((400, ROWS))
+    of_means = np.random.default_rng(0).standard_normal(error[:, FACE_EVEN].shape)
+    error[:, FACE_EVEN] = np.sqrt(moved.variance[-1]) * of_means
+    grid = grid_of("bending-friction", emulator, residual)
+    assert (residual.whiten(error) ** 2).mean() == pytest.approx(grid.variance[-1], rel=0.1)
+    split = finer_grid(emulator, residual, grid, [{name: float(column[-1]) for name, column in grid.values.items()}])
+    assert split.variance[-2] == pytest.approx(grid.variance[-1])
+
+
 def shifted(fabric: FabricData, name: str, value: dict[str, float]) -> FabricData:
     """The fabric with an effect."""
     emulator, features = fabric.emulator, fabric.features

@@ -7,7 +7,9 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.inference.findings.novelty import novelty
-from cusick_bench.diagnosis.inference.laboratory import shared_walk
+from cusick_bench.diagnosis.inference.laboratory import look_alikes, shared_walk
+from cusick_bench.diagnosis.inference.laboratory.laboratory import _starts
+from cusick_bench.diagnosis.inference.laboratory.look_alikes import Exchanges
 from cusick_bench.diagnosis.inference.laboratory.shared_effects import MOST_SHARED, LaboratoryFabric, log_count
 from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk
 from cusick_bench.diagnosis.inference.residuals.residual import Residual
@@ -109,6 +111,41 @@ def test_a_shared_place_is_filled_and_emptied_in_proportion_to_the_joint_probabi
         walk.shared, walk.own = [*others, int(point)], [[2], []]
         more = walk.log_joint() - before
         assert np.log(free * options[point] / options[-1]) == pytest.approx(more)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_chains_of_a_laboratory_start_at_the_likeliest_point_of_each_effect(seed: int) -> None:
+    fabrics, points = [laboratory_fabric(seed + n) for n in (0, 100)], [points_of(seed + n) for n in (200, 300)]
+    walk, likeliest = SharedWalk(fabrics, points, np.random.default_rng(0), []), []
+    for number in range(len(NAMES)):
+        joint = {}
+        for point in np.flatnonzero(points[0].effect == number).tolist():
+            walk.shared = [point]
+            joint[point] = walk.log_joint()
+        likeliest.append([max(joint, key=joint.__getitem__)])
+    assert _starts(fabrics, points) == likeliest
+
+
+def some_of(points: EffectPoints, names: frozenset[str]) -> EffectPoints:
+    chosen = [name for name in points.names if name in names]
+    kept = np.flatnonzero([points.name(point) in names for point in range(len(points))])
+    effects = np.array([chosen.index(points.name(int(point))) for point in kept], dtype=int)
+    grids = tuple(grid for grid in points.grids if grid.hypothesis.name in names)
+    own = (column[kept] for column in (points.row, points.shift, points.variance, points.log_prior))
+    return EffectPoints(tuple(chosen), grids, effects, effects, *own)
+
+
+def test_exchanged_shared_sets_of_any_size_have_the_prior_of_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the walk over all effects, though the walk of an exchange has points of its own effects only."""
+    fabrics, points = [laboratory_fabric(seed) for seed in (2, 3)], [points_of(seed) for seed in (4, 5)]
+    of_fabric = dict(zip(fabrics, points, strict=True))
+    monkeypatch.setattr(look_alikes, "shared_points", lambda fabric, names: some_of(of_fabric[fabric], names))
+    monkeypatch.setattr(look_alikes, "finer_shared_points", lambda fabric, points, chosen: points)
+    found = Exchanges(fabrics, np.random.default_rng(0))
+    found.search(SharedWalk(fabrics, points, np.random.default_rng(0), [0, 2]))
+    assert {1, 2} <= {len(names) for names in found.sets}
+    for one in found.sets.values():
+        assert one.walk.log_joint() == pytest.approx(one.walk.on(points).log_joint())
 
 
 def test_noise_of_few_samples_is_students_t_of_all_rows_together() -> None:

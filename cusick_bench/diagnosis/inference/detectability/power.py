@@ -166,7 +166,7 @@ def expected_features(emulator: Emulator, theta: ndarray, samples: int) -> Featu
         contrast=np.stack([mean, np.zeros_like(mean)]),
         share=np.stack([np.diag([1.0, 0.0]), np.diag([0.0, 1.0])]) / samples,
         spread=emulator.spread(theta),
-        spread_variance=np.full(len(SPREADS), 0.5 / (2 * samples - 2) / 0.75),
+        spread_variance=np.array([0.5 / (2 * samples - 2) / 0.75 / len(columns) for _, columns in SPREADS]),
         order=np.zeros(len(ORDERS)),
         order_covariance=np.diag(((0.3 * sd) ** 2 + RESOLUTION[list(ORDERS)] ** 2) / samples),
         order_freedom=0,

@@ -148,7 +148,7 @@ class Exchanges:
             for point in nearby.shared
             if nearby.points[0].name(point) in names
         ]
-        walk = SharedWalk(self.fabrics, points, self.generator, start, complete=True)
+        walk = SharedWalk(self.fabrics, points, self.generator, start, complete=True, listed=nearby.listed)
         for _ in range(_ADAPTED):
             walk.step(counts=False)
         log_joint, on_finer_grids = walk.log_joint(), None

@@ -35,6 +35,7 @@ class SharedWalk:
         start: Shared points to start from.
         complete: Whether the shared set holds every effect that has points, from the first steps on, instead of any of
             them.
+        listed: Number of effects that may be shared; by default those that have points.
     """
 
     def __init__(
@@ -45,9 +46,11 @@ class SharedWalk:
         start: Sequence[int],
         *,
         complete: bool = False,
+        listed: int | None = None,
     ) -> None:
         self.fabrics, self.points, self.generator, self.complete = fabrics, points, generator, complete
         first = self.points[0]
+        self.listed = len(first.names) if listed is None else listed
         self.log_prior = log_prior(self.points)
         self.own = [list(fabric.sets.posterior.best) for fabric in fabrics]
         for place, fabric in enumerate(fabrics):  # effects that may be shared start in the shared set only
@@ -72,7 +75,7 @@ class SharedWalk:
             The walk, with all counts at 0.
         """
         start = [same_point(self.points[0], point, points[0]) for point in self.shared]
-        walk = SharedWalk(self.fabrics, points, self.generator, start, complete=complete)
+        walk = SharedWalk(self.fabrics, points, self.generator, start, complete=complete, listed=self.listed)
         walk.own = [list(own) for own in self.own]
         return walk
 
@@ -107,7 +110,7 @@ class SharedWalk:
         Returns:
             The log probability, up to a constant.
         """
-        shared = float(self.log_prior[self.shared].sum()) + log_count(len(self.shared), len(self.points[0].names))
+        shared = float(self.log_prior[self.shared].sum()) + log_count(len(self.shared), self.listed)
         for fabric, own in enumerate(self.own):
             model, points = self.fabrics[fabric].sets.model, self.points[fabric]
             more = SharedShift(points.shift[self.shared].sum(0), points.variance[self.shared].sum(0))
@@ -124,19 +127,19 @@ class SharedWalk:
         Returns:
             For each point, and last for none.
         """
-        model, points = self.fabrics[fabric].sets.model, self.points[fabric]
+        model, points, beside = self.fabrics[fabric].sets.model, self.points[fabric], list(others)
         own = model.points
-        left = model.white - own.shift[self.own[fabric]].sum(0) - points.shift[others].sum(0)
-        variance = 1 + own.variance[self.own[fabric]].sum(0) + points.variance[others].sum(0)
+        left = model.white - own.shift[self.own[fabric]].sum(0) - points.shift[beside].sum(0)
+        variance = 1 + own.variance[self.own[fabric]].sum(0) + points.variance[beside].sum(0)
         return likelihoods_of(model.misfit, left, variance, points).total
 
     def _options(self, total: ndarray, others: Sequence[int]) -> Float[ndarray, "options"]:
         """Probability of each shared point in a place, and last of none."""
         points, count = self.points[0], len(others)
         taken = np.isin(points.effect, points.effect[list(others)])
-        prior = np.where(taken, -np.inf, self.log_prior) + log_count(count + 1, len(points.names))
+        prior = np.where(taken, -np.inf, self.log_prior) + log_count(count + 1, self.listed)
         prior -= np.log(MOST_SHARED - count)
-        weighed = total + np.append(prior, log_count(count, len(points.names)))
+        weighed = total + np.append(prior, log_count(count, self.listed))
         if self.complete and np.isfinite(weighed[:-1]).any():
             weighed[-1] = -np.inf
         return np.exp(weighed - logsumexp(weighed))

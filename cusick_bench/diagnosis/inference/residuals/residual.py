@@ -26,7 +26,7 @@ from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, PRIOR_MEAN, PRIOR
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.residuals.feature_rows import as_seen
+from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, as_seen
 from cusick_bench.diagnosis.inference.residuals.noise import MODEL_FREEDOM, TOGETHER, Noise, Scatter, noise
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
@@ -71,6 +71,12 @@ class Residual:
             L^-1 times the known entries.
         """
         return solve_triangular(self.root, as_seen(shift, self.single)[:, self.kept].T, lower=True).T
+
+    @property
+    def variance_of_unit(self) -> float:
+        """Mean variance of w's rows where every mean that both faces share is off at random by one sd."""
+        unit = np.eye(len(self.root))[:, np.flatnonzero(self.kept) < FACE_EVEN.stop]
+        return float((solve_triangular(self.root, unit, lower=True) ** 2).sum() / len(self.root))
 
     @property
     def log_likelihood(self) -> float:

@@ -55,7 +55,7 @@ class Grid:
         values: Parameters of every point, by name.
         cell: Share of a cell of the hypothesis' own grid that every point stands for.
         shift: Shift of w at every point.
-        variance: u of every point.
+        variance: u of every point, in units of noise.
         log_prior: Log prior of every point, -inf for those too weak to detect; they add up to the hypothesis' share of
             its effect's prior.
     """
@@ -158,7 +158,8 @@ def grid_at(emulator: Emulator, hypothesis: Hypothesis, residual: Residual, *, l
     weight = severity_weight(hypothesis)
     total = weight[strong].sum() + _TOO_WEAK * weight.sum()
     log_prior = np.where(strong, np.log(hypothesis.prior * weight / total), -np.inf)
-    return Grid(hypothesis, hypothesis.values, np.ones(len(shift)), shift, moved.variance, log_prior)
+    variance = moved.variance * residual.variance_of_unit
+    return Grid(hypothesis, hypothesis.values, np.ones(len(shift)), shift, variance, log_prior)
 
 
 def severity_weight(hypothesis: Hypothesis) -> Float[ndarray, "points"]:

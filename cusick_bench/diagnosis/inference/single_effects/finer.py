@@ -62,7 +62,7 @@ def finer_grid(
         {name: np.concatenate([grid.values[name][~split], parts[name]]) for name in parts},
         np.concatenate([grid.cell[~split], np.repeat(grid.cell[split] / pieces, pieces)]),
         np.concatenate([grid.shift[~split], shift]),
-        np.concatenate([grid.variance[~split], moved.variance]),
+        np.concatenate([grid.variance[~split], moved.variance * residual.variance_of_unit]),
         np.concatenate([grid.log_prior[~split], np.where(strong, prior, -np.inf)]),
     )
 

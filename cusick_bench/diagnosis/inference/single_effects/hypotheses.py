@@ -122,7 +122,7 @@ class Shifts:
 
     Attributes:
         features: Shift of every feature, in the rows of `feature_rows` [sd].
-        variance: Mean variance of the shifts of the means, from the atlas' finite number of points.
+        variance: Mean variance of the shifts of the means, from the atlas' finite number of points [sd2].
     """
 
     features: Float[ndarray, "values rows"]
@@ -180,7 +180,9 @@ def shifts(
     if response.later:
         orders = (faces[0] + faces[1])[:, list(ORDERS)] / 2 if drift > 0 else orders
         orders[backwards] *= -1
-        share = np.where(backwards, 1 - drift, drift)[:, None]  # share of the captures on which the effect has acted
+        # Share of the captures on which the effect has acted: all but one of a drape, whichever way they are numbered;
+        # a picture that is the only one may show it where the sign is negative.
+        share = np.where(backwards, max(drift, 1 - drift), drift)[:, None]
         faces, spreads = [face * share for face in faces], spreads * share
     up, down = faces
     return Shifts(in_rows(up, down, spreads, orders), variance)
