@@ -237,6 +237,7 @@ class DrapeSimulator:
             SimulationError: Parameters of another mesh or not finite.
             DrapeDiverged: The cloth did not come to rest (mode `equilibrium`), or blew up.
         """
+        self._check_arrays(initial=initial, rest_angle=rest_angle, warm=None if warm is None else warm.vertices)
         batch = self.drape_batch(
             [material],
             initial=None if initial is None else initial[None],
@@ -317,13 +318,15 @@ class DrapeSimulator:
         together = max(_MOST_COMPILED, self.system.linear.width * get_num_threads())
         return max(1, min(together, CPU_MEMORY // (_VERTEX_MEMORY * self.mesh.vertices)))
 
-    def _check_arrays(self, members: int, **arrays: Tensor | None) -> None:
-        shapes = {"rest_angle": (members, len(self.mesh.hinges))}
+    def _check_arrays(self, *members: int, **arrays: Tensor | None) -> None:
+        """Checks arrays of one cloth, or of so many."""
+        shapes = {"rest_angle": (*members, len(self.mesh.hinges))}
         for name, value in arrays.items():
-            shape = shapes.get(name, (members, self.mesh.vertices, 3))
-            if value is not None and (tuple(value.shape) != shape or not torch.isfinite(value).all()):
-                one, found = shape[1:], tuple(value.shape)[1:] if len(value) == members else tuple(value.shape)
-                raise SimulationError(f"{name} must be finite with shape {one}, got shape {found}")
+            shape = shapes.get(name, (*members, self.mesh.vertices, 3))
+            if value is None or (tuple(value.shape) == shape and torch.isfinite(value).all()):
+                continue
+            found = f"shape {tuple(value.shape)}" if tuple(value.shape) != shape else "NaN or infinity"
+            raise SimulationError(f"{name} must be finite with shape {shape}, got {found}")
 
 
 def _array(tensor: Tensor) -> ndarray:
@@ -355,6 +358,7 @@ class _DrapeFunction(torch.autograd.Function):
         parameters = Parameters(_array(stretch), _array(bending), _array(mass), _array(rest_angle), _array(poisson))
         positions, ctx.back = outcome.run(parameters, _array(initial), any(ctx.needs_input_grad))
         ctx.tables = (stretch.shape[1], bending.shape[1])
+        ctx.devices = [tensor.device for tensor in (stretch, bending, mass, rest_angle, poisson, initial)]
         ctx.save_for_backward(stretch, bending, mass, rest_angle, poisson, initial)
         return torch.from_numpy(positions).to(initial.device)
 
@@ -367,4 +371,5 @@ class _DrapeFunction(torch.autograd.Function):
             for table, tables in zip((gradient.stretch, gradient.bending), ctx.tables, strict=True)
         )
         arrays = (stretch, bending, gradient.mass, gradient.rest_angle, gradient.poisson, g_initial)
-        return (*(torch.from_numpy(array).to(grad_outputs[0].device) for array in arrays), None)
+        pairs = zip(arrays, ctx.devices, strict=True)
+        return (*(torch.from_numpy(array).to(device) for array, device in pairs), None)

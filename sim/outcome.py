@@ -114,14 +114,14 @@ class Outcome:
             except DrapeDiverged as error:
                 self.failures[member] = str(error)
                 continue
-            self.residual[member], self.iterations[member] = rest.residual, rest.iterations
+            self.iterations[member] = rest.iterations
             if rest.converged:
-                rests[member], positions[member] = rest, rest.positions
+                rests[member], positions[member], self.residual[member] = rest, rest.positions, rest.residual
             else:
+                otherwise = "" if touching else ", or use mode 'drop'"
                 self.failures[member] = (
                     f"the drape did not come to rest: net force {rest.residual:.2g} of the weight after "
-                    f"{rest.iterations} Newton steps (tolerance {s.tolerance:g}); raise `iterations`, or use mode "
-                    "'drop'"
+                    f"{rest.iterations} Newton steps (tolerance {s.tolerance:g}); raise `iterations`{otherwise}"
                 )
 
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:

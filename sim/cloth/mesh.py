@@ -183,7 +183,7 @@ def _scatter(count: int, inner: float, outer: float, generator: np.random.Genera
     fraction = (np.arange(count) + 0.5) / count
     radius = np.sqrt(inner**2 + fraction * (outer**2 - inner**2))
     angle = np.arange(count) * np.pi * (3 - np.sqrt(5)) + generator.uniform(0, 2 * np.pi)
-    spacing = np.sqrt((outer**2 - inner**2) / count)
+    spacing = np.sqrt(max(outer**2 - inner**2, 0.0) / max(count, 1))
     jitter = generator.normal(0, 0.25 * spacing, (count, 2))
     return radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) + jitter
 
@@ -250,8 +250,9 @@ def disc_mesh(
     inner_count = round(free * area_in / (area_in + area_out))
     if not 0 <= inner_count <= free:
         raise SimulationError(
-            f"{vertices} vertices are too few for a cloth of {radius:g} m on a plate of {plate_radius:g} m: rim and "
-            f"plate's edge alone take {len(rim) + len(plate)}; take more vertices, or ring_mesh"
+            f"{vertices} vertices are too few for a cloth of {radius:g} m on a plate of {plate_radius:g} m: they would "
+            f"be {1e3 * spacing:.3g} mm apart, farther than the rim is from the plate's edge; take more vertices, or "
+            "ring_mesh"
         )
     inner = _scatter(inner_count, 0.0, plate_radius - half, generator)
     outer = _scatter(free - inner_count, plate_radius + half, radius - half, generator)

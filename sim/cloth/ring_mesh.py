@@ -79,6 +79,11 @@ def ring_mesh(
     try:
         return Mesh(material, faces)
     except SimulationError as error:  # a face that is clockwise or has no area
+        if jitter:
+            ring_mesh(vertices, seed=seed, radius=radius, plate_radius=plate_radius)  # or says that rings do not fit
+            raise SimulationError(
+                f"jitter of {jitter:g} turns triangles of this mesh over ({error}); take less of it, or another seed"
+            ) from error
         remedy = "more vertices or a smaller plate" if plate_radius > radius / 2 else "a larger plate"
         raise SimulationError(
             f"no mesh of {rings + 1} rings of {number} vertices fits between a plate of {plate_radius:g} m and the rim "

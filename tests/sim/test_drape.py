@@ -230,6 +230,9 @@ def test_a_drape_that_does_not_come_to_rest_says_so_and_what_to_do():
     with pytest.raises(DrapeDiverged, match=r"after 2 Newton steps \(tolerance 1e-09\); raise `iterations`"):
         simulator.drape(_material())
     assert issubclass(DrapeDiverged, CusickError)
+    batch = simulator.drape_batch([_material()])
+    assert np.isnan(batch.residual).all()
+    assert torch.isnan(batch.vertices).all()
 
 
 def test_a_drop_that_blows_up_says_in_which_step():

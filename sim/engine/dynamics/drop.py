@@ -155,7 +155,7 @@ class Stepper:
 
     def step(
         self, number: tuple[int, int], states: States, before: tuple[ndarray, ndarray],
-        after: tuple[ndarray, ndarray], far: float, old: Factor | None,
+        after: tuple[ndarray, ndarray], far: Float[ndarray, "members"], old: Factor | None,
     ) -> Factor:  # fmt: skip
         """One step from evaluated states.
 
@@ -164,7 +164,7 @@ class Stepper:
             states: Elements at the positions before.
             before: Positions [m] and velocities [m/s] before (members, vertices, 3).
             after: Receive those after.
-            far: A cloth with a coordinate beyond has blown up [m].
+            far: A cloth with a coordinate beyond its own has blown up [m].
             old: Storage of a factor to use again.
 
         Returns:
@@ -196,16 +196,16 @@ class Stepper:
         return MembersDiverged(message, np.flatnonzero(members), before) if self.batch else DrapeDiverged(message)
 
 
-def too_far(laid: Float[ndarray, "*members vertices 3"]) -> float:
-    """A coordinate that only a cloth that has blown up reaches, laid down as it was [m].
+def too_far(laid: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members"]:
+    """Coordinates that only a cloth that has blown up reaches, each laid down as it was [m].
 
     Args:
         laid: Shapes in which the cloths are laid down [m].
 
     Returns:
-        The coordinate.
+        The coordinate of every cloth.
     """
-    return _FAR * float(np.abs(laid).max())
+    return _FAR * np.abs(laid).max((1, 2))
 
 
 def drop(

@@ -75,6 +75,19 @@ def test_other_radii_scale_the_rings():
     assert (np.abs(radius - 0.06) < 1e-12).sum() > 10
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("vertices", "radius", "plate_radius"), [(60, 0.12, 0.09), (150, 0.15, 0.02)])
+def test_disc_without_vertices_between_rings_or_inside_the_plate_is_made_without_a_warning(
+    vertices: int, radius: float, plate_radius: float
+):
+    assert disc_mesh.__wrapped__(vertices, radius=radius, plate_radius=plate_radius).vertices == vertices
+
+
+def test_disc_says_why_vertices_are_too_few():
+    with pytest.raises(SimulationError, match=r"28\.6 mm apart, farther than the rim is from the plate's edge"):
+        disc_mesh(100, plate_radius=0.13)
+
+
 def test_hinges_name_the_edge_and_the_corners_opposite_on_either_side():
     mesh = disc_mesh(100)
     start, end, left, right = (mesh.material[mesh.hinges[:, k]] for k in range(4))

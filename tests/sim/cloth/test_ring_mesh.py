@@ -58,6 +58,8 @@ def test_seed_turns_the_rings_and_jitter_moves_only_what_lies_between():
         ({"radius": 0.08}, "0 < plate < cloth"),
         ({"vertices": 60, "plate_radius": 0.147}, "plate of 0.147 m .* take more vertices or a smaller plate"),
         ({"plate_radius": 1e-7}, "plate of 1e-07 m .* take a larger plate"),
+        ({"seed": 9, "jitter": 0.4}, "jitter of 0.4 turns triangles .* take less of it, or another seed"),
+        ({"vertices": 60, "plate_radius": 0.147, "jitter": 0.2}, "take more vertices or a smaller plate"),
         ({"jitter": 0.5}, "jitter must lie from 0 to 0.4"),
         ({"jitter": float("nan")}, "jitter must lie from 0 to 0.4"),
     ],

@@ -12,15 +12,18 @@ from numpy import ndarray
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import laid_down, smooth_field
 from cusick_bench.sim.contact.barrier import SelfContact, smallest_distance
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.contact.intersections import intersections
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects.directions import leaned
 from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.statics.equilibrium import equilibrium, equilibrium_adjoint
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
@@ -389,6 +392,12 @@ def test_gradient_of_an_unfinished_rest_is_refused():
     assert rest.iterations == 2
     with pytest.raises(DrapeDiverged, match="has not converged"):
         contact_equilibrium_adjoint(system, parameters, rest, laid)
+
+
+def test_who_asks_for_contact_is_not_sent_to_a_drop_which_has_none():
+    settings = DrapeSettings(mode="equilibrium", steps=1, iterations=2, self_contact=THICKNESS)
+    with pytest.raises(DrapeDiverged, match="raise `iterations`$"):
+        DrapeSimulator(disc_mesh(100), settings).drape(uniform_material(density=0.2, bending=1e-4))
 
 
 def test_missing_package_names_the_remedy(monkeypatch: pytest.MonkeyPatch):

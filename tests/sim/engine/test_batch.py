@@ -158,6 +158,18 @@ def test_batches_need_cloths_of_one_kind():
         simulator.drape_batch(_cloths(1), warm=torch.zeros((1, MESH.vertices, 3), dtype=torch.float64))
 
 
+@pytest.mark.unchecked_arrays
+def test_shapes_for_all_cloths_are_asked_for_with_their_number():
+    simulator, one = DrapeSimulator(MESH, DrapeSettings(steps=2)), torch.from_numpy(MESH.flat)
+    for cloths in (1, 2):
+        with pytest.raises(SimulationError, match=rf"with shape \({cloths}, 150, 3\), got shape \(150, 3\)"):
+            simulator.drape_batch(_cloths(cloths), initial=one)
+    with pytest.raises(SimulationError, match=r"with shape \(150, 3\), got shape \(1, 150, 3\)"):
+        simulator.drape(_cloths(1)[0], initial=one[None])
+    with pytest.raises(SimulationError, match=r"with shape \(150, 3\), got NaN or infinity"):
+        simulator.drape(_cloths(1)[0], initial=one * torch.nan)
+
+
 def _gradient(simulator: DrapeSimulator, again: bool = False) -> torch.Tensor:
     cloth = _cloths(1, track=True)[0]
     total = simulator.drape(cloth).vertices.sum()

@@ -7,6 +7,7 @@ do on the mesh of law `paper`.
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
+from cusick_bench.sim.engine.dynamics import drop_batch
 from cusick_bench.sim.engine.dynamics.drop import drop_adjoint
 from cusick_bench.sim.engine.settings import MOST_HALVINGS, DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
@@ -169,6 +171,21 @@ def test_a_cloth_that_no_step_saves_says_which_was_the_shortest():
     assert torch.isnan(batch.vertices[0]).all()
     assert np.isnan(batch.residual[0])
     assert batch.iterations.tolist() == [0, 20]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_how_far_a_cloth_may_fall_does_not_depend_on_where_others_are_laid(
+    threads: int, monkeypatch: pytest.MonkeyPatch
+):
+    """As many cloths drop together as there are threads."""
+    monkeypatch.setattr(drop_batch, "numba", SimpleNamespace(get_num_threads=lambda: threads))
+    falls_freely = uniform_material(density=0.2, bending=1e-12, stretch=1e-9, shear=1e-9)  # 4.2 m in 18 steps
+    simulator = DrapeSimulator(HINGES.mesh, replace(HINGES.settings, steps=18))
+    laid = _laid(simulator, 0)
+    aside = laid + torch.tensor([0.3, 0.0, 0.0], dtype=torch.float64)
+    batch = simulator.drape_batch([falls_freely, specimen(CALM[0]).material], initial=torch.stack([laid, aside]))
+    assert "the cloth flies apart" in str(batch.failures[0])
+    assert batch.failures[1] is None
 
 
 @pytest.mark.parametrize("device", ["cpu", "cpu:torch"])

@@ -24,6 +24,7 @@ from cusick_bench.sim.constants import Law
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
+from cusick_bench.sim.outcome import Outcome
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.sim.torch_engine import drop as torch_drop_module
@@ -132,6 +133,24 @@ def test_cloths_that_diverge_say_why_and_spoil_no_other(device: str):
     assert torch.isfinite(cloths[3].stretch.grad).all()
     with pytest.raises(DrapeDiverged, match="positive definite"):
         batch.member(1)
+
+
+def test_gradients_by_the_compiled_engine_lie_where_their_tensors_do(monkeypatch: pytest.MonkeyPatch):
+    """A table on device "meta", which has no numbers, stands for one on a GPU, which is copied."""
+    simulator, copied = DrapeSimulator(MESH, DrapeSettings(steps=2)), drape_module._array
+    cloth = uniform_material(density=0.2, bending=1e-5)
+    elsewhere = torch.empty((1, 1, 3, 5), dtype=torch.float64, device="meta", requires_grad=True)
+    numbers = cloth.bending.numpy()[None, None]
+    monkeypatch.setattr(drape_module, "_array", lambda tensor: numbers if tensor.is_meta else copied(tensor))
+    laid = torch.from_numpy(simulator.laid_down())[None].requires_grad_()
+    vertices: Any = drape_module._DrapeFunction.apply(
+        cloth.stretch[None, None], elsewhere, cloth.vertex_mass(MESH)[None], simulator.rest_angles()[None],
+        cloth.poisson[None], laid, Outcome(simulator.system, simulator.unknowns, simulator.settings, 0, None),
+    )  # fmt: skip
+    vertices.sum().backward()
+    assert elsewhere.grad is not None
+    assert laid.grad is not None
+    assert (elsewhere.grad.device.type, laid.grad.device.type) == ("meta", "cpu")
 
 
 @pytest.mark.parametrize("device", DEVICES)
