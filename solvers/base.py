@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from cusick_bench.files.json_text import json_text
 from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import CusickError
 
@@ -98,8 +99,14 @@ class Prediction:
         for name, values in (self.posterior or {}).items():
             if np.asarray(values).dtype.hasobject:  # would be pickled, and files are never unpickled
                 raise SolverError(f"posterior[{name!r}] must be an array of numbers or text, got one of objects")
+        try:
+            json_text(self.notes)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise SolverError(f"notes must hold numbers, arrays and text, which JSON can keep ({error})") from error
         for name in ("train_image", "draws"):
             image = getattr(self, name)
+            if np.asarray(image).dtype.kind in "iu":  # bytes are read as 0 to 255 by every metric
+                raise SolverError(f"{name} must hold floats in [0, 1] (cloth = 1), got {np.asarray(image).dtype}")
             if not (np.isfinite(image).all() and image.min() >= -1e-9 and image.max() <= 1 + 1e-9):
                 raise SolverError(f"{name} must lie in [0, 1] (cloth = 1), got {image.min()} .. {image.max()}")
 
@@ -146,6 +153,11 @@ class Solver(ABC):
         return ""
 
     @property
+    def takes_gradients(self) -> bool:
+        """Whether it asks for gradients, with these options."""
+        return self.needs_gradient
+
+    @property
     def options(self) -> dict[str, Any]:
         """Everything that decides the answer, apart from the problem."""
         return asdict(self)
@@ -170,6 +182,11 @@ class Solver(ABC):
             raise SolverError(
                 f"{self.name} needs gradients, and the space {problem.space.name!r} has none; "
                 "use a gradient-free solver such as nlopt:LN_BOBYQA"
+            )
+        if self.takes_gradients and problem.scene is not None and problem.scene.stateful:
+            raise SolverError(
+                f"{self.name} needs gradients, and drapes with effect {problem.scene.stateful} have none, since it has "
+                "internal variables; use a gradient-free solver such as nlopt:LN_BOBYQA, or bdp-field,refinement=0"
             )
         if self.most_numbers is not None and problem.dimension > self.most_numbers:
             raise SolverError(

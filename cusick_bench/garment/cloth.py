@@ -43,7 +43,7 @@ from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRE
 from cusick_bench.problem.scene import parse_causes
 from cusick_bench.runner.cell import stored_posterior
 from cusick_bench.runner.labels import recorded_settings
-from cusick_bench.runner.store import CELL_FILE, PREDICTION_FILE
+from cusick_bench.runner.store import CELL_FILE, MOST_PREDICTION_BYTES, PREDICTION_FILE
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, Law
@@ -290,6 +290,7 @@ def _read_arrays(path: Path) -> dict[str, ndarray]:
         return read_npz(
             path,
             remedy="run the cell again",
+            most_bytes=MOST_PREDICTION_BYTES,
             wanted=lambda name: name in (*SHAPES, "density", "faces", "tau") or name.startswith("posterior"),
         )
     except BadFile as error:

@@ -45,6 +45,7 @@ Vectors = Float[np.ndarray, "members dimension"]
 Measure = Callable[[dict[int, Tensor]], Tensor]
 """From the silhouettes of a batch, by member and without those whose drape failed, to a number."""
 _KEPT = ("drape", "draw")  # kinds whose vertices are asked for
+_SLACK = 1e-3  # by which coverage may leave [0, 1], as sums in short floats do
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,12 @@ class DrapeProblem:
                 f"a training image has {size} x {size} pixels as its protocol says, got {wrong[0]}; "
                 "give the protocol that its data have (dataset.protocol)"
             )
+        for image in map(np.asarray, given):
+            if image.dtype.kind in "iu" or not (image.min() >= -_SLACK and image.max() <= 1 + _SLACK):
+                raise ProblemError(
+                    f"a training image must hold floats in [0, 1] (cloth = 1), got {image.dtype} from {image.min():g} "
+                    f"to {image.max():g}; divide bytes by 255"
+                )
 
     @property
     def train_images(self) -> tuple[Float[np.ndarray, "size size"], ...]:

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from cusick_bench.files import BadFile, read_npz
 from cusick_bench.report.errors import ReportError
-from cusick_bench.runner.store import PREDICTION_FILE
+from cusick_bench.runner.store import MOST_PREDICTION_BYTES, PREDICTION_FILE
 
 T = TypeVar("T")
 
@@ -30,7 +30,7 @@ def read_prediction(folder: Path, understand: Callable[[Mapping[str, ndarray]], 
     """
     path, remedy = folder / PREDICTION_FILE, "delete the cell's folder and run it again"
     try:
-        return understand(read_npz(path, remedy=remedy))
+        return understand(read_npz(path, remedy=remedy, most_bytes=MOST_PREDICTION_BYTES))
     except BadFile as error:
         raise ReportError(f"cannot read {path} ({error.what}); {remedy}") from error
     except (ValueError, KeyError, TypeError, IndexError) as error:

@@ -41,7 +41,16 @@ from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
-from cusick_bench.runner.store import CELL_FILE, PREDICTION_FILE, RESULT_FILE, Store, disk_errors, ends_grid, write_json
+from cusick_bench.runner.store import (
+    CELL_FILE,
+    MOST_PREDICTION_BYTES,
+    PREDICTION_FILE,
+    RESULT_FILE,
+    Store,
+    disk_errors,
+    ends_grid,
+    write_json,
+)
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
@@ -357,7 +366,8 @@ def load_prediction(folder: Path) -> dict[str, np.ndarray]:
     Returns:
         Arrays by name: `train_image`, `train_target`, `draws`, and what else the solver answered.
     """
-    return read_npz(folder / PREDICTION_FILE, remedy="delete the cell's folder and run it again")
+    remedy = "delete the cell's folder and run it again"
+    return read_npz(folder / PREDICTION_FILE, remedy=remedy, most_bytes=MOST_PREDICTION_BYTES)
 
 
 def stored_posterior(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

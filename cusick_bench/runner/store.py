@@ -39,6 +39,8 @@ RESULT_FILE = "result.json"
 """What a cell cost, and its metrics."""
 PREDICTION_FILE = "prediction.npz"
 """A cell's answer."""
+MOST_PREDICTION_BYTES = 16 << 30
+"""Most that an answer's arrays have: 100,000 draws of 256 px with drapes of 2699 vertices, or a thousand of 4096 px."""
 MARKED = (CELL_FILE, "trace.jsonl", PREDICTION_FILE, RESULT_FILE)
 """Files of a finished cell that its marker stands for."""
 

@@ -94,6 +94,10 @@ class BdpField(Solver):
         require_positive(self, "rate")
 
     @property
+    def takes_gradients(self) -> bool:
+        return self.refinement > 0
+
+    @property
     def pace_of_draws(self) -> PaceName:
         return self.pace
 

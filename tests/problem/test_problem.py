@@ -142,6 +142,12 @@ class TestEvaluation:
         with pytest.raises(ProblemError, match="256 x 256"):
             DrapeProblem(np.zeros((64, 64)), problem.simulator, problem.space)
 
+    @pytest.mark.unchecked_arrays
+    def test_bytes_are_no_training_image(self):
+        problem = toy_problem()
+        with pytest.raises(ProblemError, match=r"floats in \[0, 1\].* got uint8 from 0 to 255; divide bytes by 255"):
+            replace(problem, train_image=np.rint(255 * problem.train_image).astype(np.uint8))
+
 
 class TestBudget:
     def test_meter_counts(self):

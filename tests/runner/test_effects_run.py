@@ -42,6 +42,8 @@ from cusick_bench.sim.effects import registered
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Side
+from cusick_bench.solvers.base import SolverError
+from cusick_bench.solvers.registry import make_solver
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
 
@@ -116,6 +118,14 @@ class TestProblem:
         assert 0 < problem.evaluate(tau) != toy_problem(laid_as_true=True).evaluate(tau)
         with pytest.raises(ProblemError, match=rf"effect {name} has internal variables.*gradient-free solver"):
             problem.evaluate_and_gradient(tau)
+
+    @pytest.mark.parametrize("text", ["homo", "heter", "bdp", "bdp-field"])
+    def test_a_solver_that_needs_gradients_refuses_internal_variables_before_its_first_drape(self, text):
+        solver = make_solver(text)
+        problem = _with(("shear-friction",), problem=toy_problem(laid_as_true=True, space=solver.space or "homo"))
+        with pytest.raises(SolverError, match=r"needs gradients.* effect shear-friction .*bdp-field,refinement=0"):
+            solver.solve(problem, np.random.default_rng(0))
+        assert problem.meter.forward == 0
 
     def test_internal_variables_need_a_drop(self):
         with pytest.raises(ProblemError, match=r"shear-friction acts in the course of a drop, got mode 'equilibrium'"):

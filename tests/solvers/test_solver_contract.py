@@ -160,6 +160,7 @@ class TestPrediction:
             (np.zeros((256, 256)), np.zeros((0, 256, 256)), "at least one image"),
             (np.zeros((256, 256)), np.full((1, 256, 256), np.nan), r"must lie in \[0, 1\]"),
             (np.full((256, 256), 255.0), np.zeros((1, 256, 256)), r"must lie in \[0, 1\]"),
+            (np.ones((256, 256), np.uint8), np.zeros((1, 256, 256)), r"train_image must hold floats .* got uint8"),
         ],
     )
     @pytest.mark.unchecked_arrays
@@ -172,6 +173,7 @@ class TestPrediction:
         [
             ({"draw_vertices": np.zeros((1, 3, 3))}, "a drape for each of 2 draws, got 1"),
             ({"posterior": {"names": np.array(["a", None])}}, "array of numbers or text, got one of objects"),
+            ({"notes": {"optimiser": object()}}, "notes must hold numbers, arrays and text"),
         ],
     )
     @pytest.mark.unchecked_arrays
