@@ -7,6 +7,7 @@ empty.
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import typer
@@ -19,7 +20,9 @@ PACKAGE = Path(cusick_bench.__file__).resolve().parent
 
 @contextmanager
 def folder_made(folder: Path | None) -> Iterator[None]:
-    """Makes a folder; where the work then fails or is interrupted before anything is written, it is removed again.
+    """Makes a folder, and tries whether it can be written to, before any work.
+
+    Where the work then fails or is interrupted before anything is written, a new folder is removed again.
 
     Args:
         folder: The folder; one that exists stays in any case. None: nothing is to be written.
@@ -33,6 +36,8 @@ def folder_made(folder: Path | None) -> Iterator[None]:
     new = [one for one in (folder, *folder.parents) if not one.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
+        with TemporaryFile(dir=folder):
+            pass
         yield
     except BaseException:
         for one in new:

@@ -128,12 +128,7 @@ def _require_same_data(here: Cells, there: Cells) -> None:
 
 def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Cells by method; of several data sets, or splits, each by itself: they pose other problems with equal numbers."""
-    several = len(set(table["dataset"])) > 1
-    return {
-        method_label(*name) + (f", {cells['dataset'].iloc[0]}" if several else "") + apart: group
-        for apart, cells in of_boards(table)
-        for name, group in variants(cells)
-    }
+    return {method_label(*name) + apart: group for apart, cells in of_boards(table) for name, group in variants(cells)}
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:

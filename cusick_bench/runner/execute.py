@@ -142,7 +142,8 @@ def _record_run(
     if path.exists():
         try:
             earlier = read_json(path)
-            history = [*_history(earlier.pop("history", []), path), earlier]
+            asked = {cell.key for cell in cells}
+            history = [_short(one, asked) for one in [*_history(earlier.pop("history", []), path), earlier]]
         except RunnerError as error:
             _log.warning("%s; the history of commands begins anew", error)
     record = {
@@ -160,6 +161,20 @@ def _record_run(
         "history": history,
     }
     write_json(path, record)
+
+
+def _short(earlier: Any, asked: set[str]) -> Any:
+    """An earlier record without what only the last one is asked for: its grid, and cells that all are asked for again.
+
+    In a grid of thousands of cells these are nearly all of it, and a hundred shards would make a file beyond what is
+    read.
+    """
+    if not isinstance(earlier, dict):
+        return earlier
+    cells = earlier.get("cells")
+    again = isinstance(cells, list) and all(isinstance(key, str) and key in asked for key in cells)
+    left_out = {"grid", "cells"} if again else {"grid"}
+    return {name: value for name, value in earlier.items() if name not in left_out}
 
 
 def _history(history: Any, path: Path) -> list[Any]:

@@ -46,6 +46,7 @@ MARKED = (CELL_FILE, "trace.jsonl", PREDICTION_FILE, RESULT_FILE)
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 _FATAL = {*_FULL, errno.EACCES, errno.EPERM, errno.EIO}
+_NO_LOCKS = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP}  # of file systems without `flock`, as Lustre may be mounted
 
 
 def ends_grid(error: OSError, out: Path) -> bool:
@@ -85,6 +86,17 @@ def disk_errors(out: Path) -> Iterator[None]:
         ) from error
 
 
+def _lock(file: int, operation: int) -> None:
+    """Locks an open file; where its file system has no locks, it is written without, as on Windows."""
+    assert fcntl is not None
+    try:
+        fcntl.flock(file, operation)
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        _log.debug("no locks here (%s): runners of one cell do not notice each other", error.strerror)
+
+
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Whoever reads and writes a file of a folder that others write, too, waits here for them.
@@ -100,7 +112,7 @@ def locked(folder: Path) -> Iterator[None]:
         return
     lock = os.open(folder, 0)
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        _lock(lock, fcntl.LOCK_EX)
         yield
     finally:
         os.close(lock)
@@ -307,7 +319,7 @@ class Store:
         with (folder / "lock").open("a") as lock:
             if fcntl is not None:
                 try:
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    _lock(lock.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError as error:
                     raise CellIsRunning(f"another process is running {folder}; wait for it or stop it") from error
             for part in folder.glob("*.part"):

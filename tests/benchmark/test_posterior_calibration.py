@@ -105,6 +105,20 @@ def test_a_fit_that_fails_stops_no_other_and_is_told(tmp_path: Path, monkeypatch
     assert "fit 1: ValueError: singular; it is not in the table" in " ".join(result.stderr.split())
 
 
+def test_a_solver_whose_fits_all_fail_costs_no_other_its_table(tmp_path: Path, monkeypatch) -> None:
+    def fit(plan: CalibrationPlan, number: int, simulators: object = None) -> CalibrationFit:
+        if plan.solver == "bdp":
+            raise ValueError("singular")
+        return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))
+
+    monkeypatch.setattr(calibration, "calibration_fit", fit)
+    words = ["posterior-calibration", "--solver", QUICK.solver, "--solver", "bdp", "--fits", "2", "--workers", "1"]
+    result = CliRunner().invoke(app, [*words, "--out", str(tmp_path), "--json"])
+    assert result.exit_code == 1
+    assert {row["solver"] for row in json.loads(result.stdout)["directions"]} == {QUICK.solver}
+    assert (tmp_path / "calibration.csv").exists()
+
+
 def test_the_tables_command_can_be_typed_again(tmp_path: Path, monkeypatch) -> None:
     def fit(plan: CalibrationPlan, number: int, simulators: object = None) -> CalibrationFit:
         return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))

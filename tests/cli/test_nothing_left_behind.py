@@ -1,6 +1,7 @@
 """A command line that is wrong, or that names what is not there, leaves no folder behind."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -85,3 +86,11 @@ def test_a_folder_that_holds_something_stays(tmp_path: Path):
     with pytest.raises(KeyError):
         _fails(outer)
     assert kept.exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a folder that not even root may write to")
+def test_a_folder_that_is_there_and_cannot_be_written_to_is_told_before_any_work():
+    begun = []
+    with pytest.raises(OSError), folder_made(Path("/proc")):  # noqa: PT011
+        begun.append("work")
+    assert not begun

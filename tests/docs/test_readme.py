@@ -7,6 +7,8 @@ from pathlib import Path
 
 from finished_cell import CLOTHS, held_out_images, write_cell
 
+from cusick_bench.leaderboard.cells.plausible import implausible
+
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MOST_LINES, MOST_EXAMPLE_LINES = 150, 12
@@ -54,3 +56,10 @@ def test_the_block_is_made_of_a_results_folder(toy_dataset, tmp_path, monkeypatc
     assert "| null:copy | null | 3 |" not in changed
     assert changed.split("<!-- leaderboard:begin -->")[0] == README.split("<!-- leaderboard:begin -->")[0]
     assert changed.split("<!-- leaderboard:end -->")[1] == README.split("<!-- leaderboard:end -->")[1]
+
+
+def test_the_limits_of_a_drape_coefficient_are_those_of_the_program():
+    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    (limits,) = re.findall(r"a drape\s+coefficient\s+outside\s+\[(-?[\d.]+), (-?[\d.]+)\]", text)
+    low, high = map(float, limits)
+    assert [bool(implausible("train_dc", one)) for one in (low, high, low - 0.01, high + 0.01)] == [0, 0, 1, 1]

@@ -59,3 +59,17 @@ def test_rows_and_boards_of_shards_name_both_commands(toy_data: Path, tmp_path: 
     (row,) = rows_of(found, "mine")
     assert row["command"] == "; ".join(commands)
     assert json.loads((tmp_path / "run.json").read_text())["history"]
+
+
+def test_earlier_records_hold_no_grid_and_no_cells_that_are_asked_for_again(toy_data: Path, tmp_path: Path):
+    """They would be nearly all of run.json, and more than is read after some sixty shards of ten thousand cells."""
+    settings = ProblemSettings(vertices=97, drape=DrapeSettings(steps=5), budget=Budget(8))
+    cells = plan(load(toy_data), solvers=["null:disc"], settings=settings)
+    for number in (1, 2, 2):
+        run(Source(str(toy_data)), shard(cells, f"{number}/2"), tmp_path, command=[str(number)], grid=cells)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert cells_of_grid(record) == [cell.key for cell in cells]
+    assert not any("grid" in earlier for earlier in record["history"])
+    known = [cell.key for cell in shard(cells, "1/2")]
+    assert [earlier.get("cells", []) for earlier in record["history"]] == [known, []]
+    assert command_record(record, known)["command"] == ["1"]

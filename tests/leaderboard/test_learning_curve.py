@@ -159,3 +159,15 @@ def test_the_command_goes_on_and_writes_a_row_for_each_number(tmp_path: Path, on
     assert len(finished) == 4
     assert CliRunner().invoke(app, [str(one) for one in arguments]).exit_code == 0
     assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("cells/*/done")} == finished
+
+
+def test_a_grid_of_failures_ends_with_status_1_as_a_failed_cell_does(tmp_path, monkeypatch) -> None:
+    def fails(*_: object) -> None:
+        raise LeaderboardError("planted")
+
+    monkeypatch.setattr("cusick_bench.runner.cell.solve_cell", fails)
+    words = ["learning-curve", "--cloth", "fabric_1", "--solver", "null:disc", "--vertices", "150", "--workers", "1"]
+    found = CliRunner().invoke(app, [*words, "--learn-from", "1", "--out", str(tmp_path)])
+    assert found.exit_code == 1
+    assert "every cell failed" in found.stderr
+    assert "planted" in found.stderr

@@ -456,3 +456,14 @@ class TestSubmission:
         assert result.exit_code == 2
         assert f"{folder / 'result.json'}: {message}" in " ".join(result.output.split())
         assert not path.exists()
+
+
+def test_cells_of_another_data_set_keep_what_is_known_of_them(make_lab, tmp_path):
+    labs, out = [make_lab((stiffness,), samples=2) for stiffness in (1.0, 2.0)], tmp_path / "out"
+    for lab in labs:
+        grid(lab, out, ("null:disc",))
+    for lab in labs:
+        shown = CliRunner().invoke(app, ["verify", str(out), "--data", str(lab)])
+        assert shown.exit_code == 0, shown.output
+        assert f"cells on {load(lab).name} are verified" in shown.stderr
+    assert len(verified_keys(out)) == 2

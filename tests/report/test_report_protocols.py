@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
-from cusick_bench.datasets.files.silhouette import outline_pixels
+from cusick_bench.datasets.files.silhouette import outline_pixels, profile_of
 from cusick_bench.report.cell_view import CellView, load_cell_view, shown_surface
 from cusick_bench.report.drawing.pictures import silhouette_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, radius_limits
@@ -67,6 +67,24 @@ def test_sizes_stay_those_of_the_laboratory_after_its_data_have_changed(laborato
     assert "taken as the public release's" not in shown.stderr
     (root / "protocol.json").unlink()
     assert "taken as the public release's" in CliRunner().invoke(app, ["report", str(run)]).stderr
+
+
+def test_a_page_is_of_one_data_set(laboratories, tmp_path):
+    """Cloths of one name in two data sets are two cloths, and pictures of each have the sizes of their own."""
+    run, names = tmp_path / "run", ("release", "large images")
+    for number, name in enumerate(names):
+        dataset = laboratories[name]
+        write_cell(run, dataset, "null:copy", CLOTH, np.stack([dataset.image(1).numpy()]), seed=number)
+    last = laboratories[names[-1]]
+    (run / "run.json").write_text(json.dumps({"dataset": last.name, "source": {"data": {"path": str(last.root)}}}))
+    for name, words in zip(reversed(names), ([], ["--data", str(laboratories[names[0]].root)]), strict=True):
+        dataset = laboratories[name]
+        shown = CliRunner().invoke(app, ["report", str(run), *words])
+        assert f"the page is of {dataset.name}" in shown.stderr
+        page = (run / "report.html").read_text()
+        assert page.count("<h3>null:copy</h3>") == 1
+        radius = profile_of(dataset.image(0).numpy(), dataset.protocol).radii.mean()
+        assert f"a mean radius of {1e3 * radius:.0f} mm" in page
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)

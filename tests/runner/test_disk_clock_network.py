@@ -115,6 +115,17 @@ def test_files_from_the_future_are_as_good_as_others(data, cells, undisturbed, t
     assert _numbers(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+@pytest.mark.parametrize("code", [errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP], ids=errno.errorcode.get)
+def test_a_file_system_without_locks_is_written_to_without(data, cells, undisturbed, tmp_path, monkeypatch, code):
+    def flock(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    run(Source(str(data)), cells, tmp_path / "out")
+    assert _numbers(tmp_path / "out") == undisturbed
+
+
 def test_two_runners_on_one_folder_finish_the_grid_once(data, undisturbed, tmp_path):
     """Each in a process of its own, as two machines are; whoever comes second to a cell comes back to it."""
     words = ["run", "--data", str(data), "--out", str(tmp_path / "out"), "--vertices", "97", "--steps", "5"]

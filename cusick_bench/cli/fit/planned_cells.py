@@ -9,7 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cusick_bench.cli.common import interruptible
+import typer
+
+from cusick_bench.cli.common import fail, interruptible
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.leaderboard import LeaderboardError
 
@@ -32,7 +34,8 @@ def run_planned(source: Source, planned: Sequence[Cell], out: Path, *, workers: 
         The planned cells.
 
     Raises:
-        LeaderboardError: Every one of them failed.
+        typer.Exit: Every one of them failed; the exit status is 1, as where some have.
+        LeaderboardError: Those that finished are damaged.
     """
     from cusick_bench.leaderboard import load_cells
     from cusick_bench.runner import run
@@ -40,10 +43,13 @@ def run_planned(source: Source, planned: Sequence[Cell], out: Path, *, workers: 
     progress = GridProgress()
     with interruptible(partial(cells_kept, progress, out), go_on=True):
         with progress:
-            run(source, list(planned), out, workers=workers, watcher=progress, command=sys.argv, force=force)
+            results = run(source, list(planned), out, workers=workers, watcher=progress, command=sys.argv, force=force)
+        if all(result["status"] == "failed" for result in results):
+            fail(f"every cell failed; see cells/*/result.json in {out}, and repeat the command to try them again")
+            raise typer.Exit(1)
         cells = load_cells(out)
     keys = {cell.key for cell in planned}
     kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
     if kept.empty:
-        raise LeaderboardError(f"every cell in {out} failed; see cells/*/result.json there")
+        raise LeaderboardError(f"no cell of this command in {out} can be read; repeat the command to go on")
     return replace(cells, table=kept, skipped=tuple(s for s in cells.skipped if s.folder.name in keys))

@@ -67,8 +67,10 @@ def posterior_calibration(
         failed += [f"{plan.solver}, fit {one.number}: {one.failure}" for one in without_answer]
     for text in failed:
         tell(f"failed: {text}; it is not in the table")
-    rows = [{"solver": plan.solver, **row} for plan, some in finished.items() for row in calibration_table(some)]
-    if file is not None:
+    rows = [
+        {"solver": plan.solver, **row} for plan, some in finished.items() if some for row in calibration_table(some)
+    ]
+    if file is not None and rows:
         for path in file.write_table(rows, plans, command_line()):
             tell(f"wrote {path}")
     if as_json:

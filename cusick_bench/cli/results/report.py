@@ -43,6 +43,7 @@ def report(
 ) -> None:
     """Write an HTML page with the leaderboard and pictures of every fit, with drapes that can be turned in 3D."""
     from cusick_bench.leaderboard import leaderboards, load_cells, variants
+    from cusick_bench.leaderboard.cells.source import data_set_of, only_of
     from cusick_bench.report import write_report
 
     out = out or folder / "report.html"
@@ -50,9 +51,15 @@ def report(
         raise ReportError(f"cannot write {out}: its name must end in .html")
     if out.is_dir():
         raise ReportError(f"cannot write {out}: it is a folder; choose another --out")
-    cells = load_cells(folder)
+    everything = load_cells(folder)
+    shown = data_set_of(everything, data)
+    cells = only_of(everything, shown)
+    if others := sorted(set(everything.table["dataset"]) - {shown}):
+        tell(f"the page is of {shown}; for {', '.join(others)} give their data with --data, and another --out")
     boards = leaderboards(cells, by=by, seed=seed)
     other = None if compare is None else load_cells(compare)
+    if other is not None and shown in set(other.table["dataset"]):
+        other = only_of(other, shown)
     kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")
     fits = sum(len(set(group["cloth"])) for _, group in variants(cells.table))
     room = (folder_made(out.parent), folder_made(pictures))

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import MOST_DRAWS, Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE, STATED
 from cusick_bench.runner.labels import unspaced
@@ -54,13 +55,16 @@ def verify_command(
     be reproduced.
     """
     from cusick_bench.leaderboard.cells.loading import load_cells
-    from cusick_bench.leaderboard.cells.source import load_data_of
+    from cusick_bench.leaderboard.cells.source import data_set_of, load_data_of, only_of
     from cusick_bench.leaderboard.verification.verify import keep, verify_cell
     from cusick_bench.sim.setup import Simulators
 
     run = target.parent.parent if (target / CELL_FILE).is_file() else target
     cells = load_cells(run, changed=True)
-    table = cells.table
+    own = data_set_of(cells, data)  # cells of others cannot be judged by it, and keep what is known of them
+    table = only_of(cells, own).table
+    if others := sorted(set(cells.table["dataset"]) - {own}):
+        tell(f"cells on {own} are verified; for {', '.join(others)} give their data with --data")
     if run != target:
         table = table.loc[[folder.name == target.name for folder in table["folder"]]]
     for name, wanted in (("solver", [unspaced(text) for text in solver or []]), ("cloth", cloth)):
@@ -72,7 +76,7 @@ def verify_command(
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     dataset = load_data_of(cells, data, fabrics_csv)
     verifications, simulators = [], Simulators()
-    with progress_bar("cells", len(table)) as bar:
+    with folder_made(run), progress_bar("cells", len(table)) as bar:
         for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
             bar.begin(f"{name} on {where}")
             verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))

@@ -1,6 +1,7 @@
 """The data of a run, found from its record, so that commands on a results folder need no `--data`."""
 
 import os
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,46 @@ def load_data_of(cells: Cells, data: str | None = None, fabrics_csv: str | Path 
     """
     recorded, table = data_of(cells)
     return read_dataset(data or _present(recorded, cells.folder), fabrics_csv=fabrics_csv or table)
+
+
+def data_set_of(cells: Cells, data: str | None = None) -> str:
+    """The data set that a command is about whose pictures and sizes are those of one.
+
+    Args:
+        cells: Cells of the run's folder.
+        data: Name or folder that the user gave.
+
+    Returns:
+        Its name: of several in the folder that of `data`, or else the last command's.
+
+    Raises:
+        LeaderboardError: The folder has several, and none of them is `data`.
+        DataError: `data` cannot be loaded.
+    """
+    names = sorted(set(cells.table["dataset"]))
+    if len(names) == 1 or data is None:
+        last = cells.run.get("dataset")
+        return last if last in names else names[0]
+    if (name := load_data_of(cells, data).name) not in names:
+        raise LeaderboardError(
+            f"{cells.folder} has no cell on {name}; give the data of {' or '.join(names)} with --data"
+        )
+    return name
+
+
+def only_of(cells: Cells, name: str) -> Cells:
+    """The cells of one data set.
+
+    Args:
+        cells: Cells of a folder.
+        name: Name of the data set.
+
+    Returns:
+        Its cells, and those that are left out of it or of no data set that can be read.
+    """
+    table = cells.table.loc[cells.table["dataset"] == name].reset_index(drop=True)
+    skipped = tuple(cell for cell in cells.skipped if cell.columns.get("dataset", name) == name)
+    return replace(cells, table=table, skipped=skipped)
 
 
 def _present(recorded: str, run: Path) -> str:

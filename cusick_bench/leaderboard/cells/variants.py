@@ -53,14 +53,15 @@ def of_boards(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
         table: Table of cells, from `load_cells`.
 
     Returns:
-        What sets them apart from those of the same data set on other boards, such as ", split first-8" or
+        What sets them apart from those on other boards, such as ", cusick", ", split first-8" or
         ", data 0123456789ab", "" where nothing does; and the cells.
     """
     splits = len(set(table["protocol"]))
     states = {str(dataset): len(set(cells["dataset_hash"])) for dataset, cells in table.groupby("dataset")}
     for _, cells in table.groupby(BOARD, sort=True):
         dataset, state, split = (str(cells[name].iloc[0]) for name in BOARD)
-        apart = f", split {split}" if splits > 1 else ""
+        apart = f", {dataset}" if len(states) > 1 else ""
+        apart += f", split {split}" if splits > 1 else ""
         yield apart + (f", data {state[:_HASH_DIGITS]}" if states[dataset] > 1 else ""), cells
 
 

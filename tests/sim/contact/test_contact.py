@@ -396,7 +396,7 @@ def test_gradient_of_an_unfinished_rest_is_refused():
 
 def test_who_asks_for_contact_is_not_sent_to_a_drop_which_has_none():
     settings = DrapeSettings(mode="equilibrium", steps=1, iterations=2, self_contact=THICKNESS)
-    with pytest.raises(DrapeDiverged, match="raise `iterations`$"):
+    with pytest.raises(DrapeDiverged, match=r"raise `iterations`$"):
         DrapeSimulator(disc_mesh(100), settings).drape(uniform_material(density=0.2, bending=1e-4))
 
 
