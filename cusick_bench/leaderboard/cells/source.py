@@ -92,7 +92,7 @@ def data_set_of(cells: Cells, data: str | None = None) -> str:
     names = sorted(set(cells.table["dataset"]))
     if len(names) == 1 or data is None:
         last = cells.run.get("dataset")
-        return last if last in names else names[0]
+        return str(last) if last in names else names[0]
     if (name := load_data_of(cells, data).name) not in names:
         raise LeaderboardError(
             f"{cells.folder} has no cell on {name}; give the data of {' or '.join(names)} with --data"
