@@ -37,6 +37,6 @@ VERTICES_OF_TRUTH = 1205
 """Of drapes by law `plate` that are held for true, as in the set `synthetic`, or are looked at: within .15 points;
 random limp cloths within half a point in the mean."""
 VERTICES_OF_POPULATION = 480
-"""Of the cloths that the priors of `bdp-field` are derived from, 1800 drapes of a quarter of a second each."""
+"""Of the cloths that the priors of `bdp-field` are derived from, some 3500 drapes in all."""
 VERTICES_OF_PAPER = 2699
 """Of the published experiments, and of fits and drapes by the laws of hinges."""
