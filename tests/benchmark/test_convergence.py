@@ -204,6 +204,18 @@ class TestMeshDependence:
     def test_another_mesh_gives_another_drape(self):
         assert 0 < mesh_spread(97, 3, CLOTH, DrapeSettings()) < 20
 
+    def test_meshes_show_the_first_laying_of_the_study(self, monkeypatch):
+        seeds: list[int] = []
+
+        def one(size, number, material, settings, jitter):
+            seeds.append(settings.seed)
+            return np.zeros(len(NAMES))
+
+        monkeypatch.setattr("cusick_bench.benchmark.convergence.mesh_dependence._one", one)
+        draw_statistics(97, 1, CLOTH, DrapeSettings(), seed=7)
+        mesh_spread(97, 2, CLOTH, DrapeSettings(), seed=7)
+        assert seeds == [7, 7, 7]
+
 
 class TestTimeStep:
     def test_a_longer_drop_is_nearer_to_its_rest(self, timed):

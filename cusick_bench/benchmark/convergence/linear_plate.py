@@ -5,7 +5,7 @@ The plate is clamped along r = b and free along r = a, with load q = rho g. Its 
     w = A + B ln r + C r^2 + E r^2 ln r + q r^4 / (64 D),
 
 with w = w' = 0 at b, no radial moment w'' + nu w'/r and no shear force (lap w)' at a. At D = rho g a^3 the rim of the
-standard's cloth sinks by 0.4 % of the annulus' width, where a plate is linear to 1e-4.
+standard's cloth sinks by 1 % of the annulus' width, where a plate is linear to 1e-4.
 
 References:
     Timoshenko, Woinowsky-Krieger. Theory of Plates and Shells. 1959, Sec. 17.

@@ -139,17 +139,17 @@ def mesh_spread(
         size: Number of vertices.
         meshes: Number of meshes, at least 2.
         material: The cloth, homogeneous.
-        settings: How it is draped.
+        settings: How it is draped; its seed is not used.
         jitter: Share of the spacing by which interior vertices are moved.
-        seed: Seed of the first mesh.
+        seed: Seed of the first mesh, and of the laid-down shape.
         done: Called with the number of drapes made.
 
     Returns:
         Standard deviation [points].
     """
-    found = []
+    found, laid = [], replace(settings, seed=seed)
     for number in range(seed, seed + meshes):
-        found.append(_one(size, number, material, settings, jitter)[NAMES.index("area_dc")])
+        found.append(_one(size, number, material, laid, jitter)[NAMES.index("area_dc")])
         done(1)
     known = np.array(found)[np.isfinite(found)]
     return 100 * float(known.std(ddof=1)) if len(known) > 1 else float("nan")

@@ -58,7 +58,7 @@ class PlateElementRow:
         ratio: Mean deflection of the rim over the exact one.
         uneven: Standard deviation of the rim's deflection over its mean.
         unknowns: Number of unknowns (of one direction of space).
-        couplings: Unknowns that each is coupled with, in the mean.
+        couplings: Unknowns that each is coupled with, itself among them, in the mean.
         solve_seconds: Time of the linear solve.
     """
 

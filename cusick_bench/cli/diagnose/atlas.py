@@ -12,7 +12,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import command_with, interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import command_with, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     MOST_CASES,
     MOST_SAMPLES,
@@ -25,7 +25,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.diagnosis.atlas.design import Design
+from cusick_bench.diagnosis.atlas.design import NOT_SIMULATED, Design
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.runner.store import write_atomically
@@ -107,10 +107,11 @@ def fit_atlas(
     as_json: Json = False,
 ) -> None:
     """Fit smooth functions to the points and write them as one small file, not calibrated yet."""
-    from cusick_bench.diagnosis.atlas.emulator_fit import fit
+    from cusick_bench.diagnosis.atlas.emulator_fit import LEAST_POINTS, fit
     from cusick_bench.diagnosis.atlas.points import read_points
     from cusick_bench.diagnosis.atlas.response_check import THIRDS, error_of_means, unexplained
     from cusick_bench.diagnosis.atlas.store import Calibration, save
+    from cusick_bench.sim.effects import registered
 
     design, points = read_points(folder)
     with progress_bar("fitting effects") as bar:
@@ -118,6 +119,18 @@ def fit_atlas(
     mismatch = {name: one.mismatch for name, one in emulator.responses.items() if one.mismatch}
     save(out, emulator, Calibration(law_mismatch=mismatch))
     counts = {name: len(found) for name, found in points.items()}
+    missing = [name for name in registered() if name not in emulator.responses and name not in NOT_SIMULATED]
+    terms = len(emulator.base.fits[0].weights)
+    if counts["base"] < 2 * terms:
+        tell(
+            f"{counts['base']} fabrics are few for means of {terms} terms: fits go nearly through them, so what these "
+            f"leave unexplained is not seen, and diagnoses will be too sure; {2 * terms} would do"
+        )
+    if missing:
+        listed = ", ".join(f"{name} ({counts.get(name, 0)})" for name in missing)
+        tell(
+            f"effects draped with fewer than {LEAST_POINTS} fabrics are left out, no diagnosis will find them: {listed}"
+        )
     shares: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
     if check:

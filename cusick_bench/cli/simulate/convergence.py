@@ -384,7 +384,8 @@ def _print_meshes(rows: Sequence[MeshRow], study: _Study, limit: Limit | None) -
         table.add_row(*cells, *([_text(row.mesh_sd_points, ".2f")] if spread else []))
     output.print(table)
     if limit is None:
-        output.print("drape coefficient: no limit can be extrapolated (fewer than three sizes, or no order to be seen)")
+        why = "fewer than three sizes or drapes, or no order to be seen"
+        output.print(f"drape coefficient: no limit can be extrapolated ({why})")
         return
     low, high = limit.value_90
     order = f"{limit.order:.2f} ({limit.order_90[0]:.2f} to {limit.order_90[1]:.2f})"

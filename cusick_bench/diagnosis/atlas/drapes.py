@@ -31,12 +31,13 @@ from cusick_bench.diagnosis.atlas.design import (
     Design,
     at_fine,
 )
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
 from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_design, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
-from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.effects import Effect, Parameter, registered
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
 CHEAP_SETTINGS = replace(SETTINGS, law="paper")
@@ -133,15 +134,19 @@ def random_value(effect: Effect, generator: np.random.Generator) -> dict[str, fl
         if p.role == "severity":
             size = p.typical * float(np.exp(generator.uniform(np.log(LEAST), np.log(MOST))))
             sign = -1.0 if effect.signed and generator.random() < 0.5 else 1.0
-            value[p.name] = float(np.clip(sign * size, p.low, p.high))
+            value[p.name] = _within(p, sign * size)
         elif p.role == "direction":
-            value[p.name] = float(generator.uniform(0, 360))
+            value[p.name] = _within(p, generator.uniform(0, 360))
         elif p.role == "radius":
-            value[p.name] = float(generator.uniform(*_PATCH_RADIUS))
+            value[p.name] = _within(p, generator.uniform(*_PATCH_RADIUS))
         else:
             low, high = _PATCH_SIZE if effect.located == "patch" else (0.5 * p.default, 2 * p.default)
-            value[p.name] = float(generator.uniform(low, high))
+            value[p.name] = _within(p, generator.uniform(low, high))
     return value
+
+
+def _within(parameter: Parameter, value: float) -> float:
+    return float(np.clip(value, parameter.low, parameter.high))
 
 
 def _check_design(folder: Path, design: Design) -> None:
@@ -191,4 +196,4 @@ def _with_effect(
 
 def _as_later(effect: Effect, setups: list[Setup]) -> list[Setup]:
     """Setups of the captures that show an effect: the later ones if it acts with time."""
-    return [replace(setup, later=True) for setup in setups] if effect.kind == "history" else setups
+    return [replace(setup, later=True) for setup in setups] if acts_later(effect) else setups

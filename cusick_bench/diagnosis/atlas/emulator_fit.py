@@ -50,7 +50,8 @@ from cusick_bench.diagnosis.measure.statistics import (
 from cusick_bench.sim.effects import registered
 
 _COUNT = len(NAMES)
-_LEAST_POINTS = 60
+LEAST_POINTS = 60
+"""Number of fabrics that the means, and the response of an effect, need."""
 _LEAST_FINE = 8  # number of fabrics that a correction needs
 _EXCHANGED = np.array([-1 if name == "anisotropy" else 1 for name in PARAMETERS])
 _SHRINK = 0.1  # share by which correlations are shrunk towards 0
@@ -221,8 +222,8 @@ def fit(
     """
     theta, base = design.theta(), points.get(BASE, {})
     numbers = [n for n, point in base.items() if _usable(point)]
-    if len(numbers) < _LEAST_POINTS:
-        raise DiagnosisError(f"an atlas needs at least {_LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
+    if len(numbers) < LEAST_POINTS:
+        raise DiagnosisError(f"an atlas needs at least {LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
     at, of_fabrics = theta[numbers], [features(base[n].statistics) for n in numbers]
     level, corrections = fit_base_means(theta, points)
     scatter = spread_terms(theta)
@@ -240,7 +241,7 @@ def fit(
     sd = np.maximum(np.exp(log_sd(scatter)), RESOLUTION)
     cheap_sd = np.maximum(np.exp(log_sd.fits[0](scatter)), RESOLUTION)
     correlation = _shrunk_correlation(points, {n: cheap_sd[n] for n in numbers}, sd)
-    covered = {name: one for name, one in registered().items() if len(points.get(name, {})) >= _LEAST_POINTS}
+    covered = {name: one for name, one in registered().items() if len(points.get(name, {})) >= LEAST_POINTS}
     responses = {}
     for place, (name, effect) in enumerate(covered.items()):
         progress(place, len(covered))

@@ -9,14 +9,16 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.design import Design
+from cusick_bench.diagnosis.atlas.design import Design, at_fine
 from cusick_bench.diagnosis.atlas.observation import ANGLES, statistics_of
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.files import BadFile, read_json_object, read_npz
+from cusick_bench.sim.effects import registered
 
 DESIGN_FILE = "design.json"
 _MOST = 1_000_000
 """Largest number of a design."""
+_BUILD_AGAIN = "delete it and repeat `cusick-bench atlas build`"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,7 @@ def read_point(path: Path) -> Point:
     Raises:
         BadFile: It is damaged.
     """
-    remedy = "delete it and repeat `cusick-bench atlas build`"
+    remedy = _BUILD_AGAIN
     arrays = read_npz(path, remedy=remedy)
     shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "radii")]
     if shapes != [1, 3] or {arrays[name].dtype.kind for name in ("value", "radii")} != {"f"}:
@@ -122,15 +124,21 @@ def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
 
     Raises:
         DiagnosisError: No atlas there.
+        BadFile: A file is damaged, or of an effect that has other parameters now.
     """
     path = folder / DESIGN_FILE
     if not path.exists():
         command = f"cusick-bench atlas build --out {shlex.quote(str(folder))}"
         raise DiagnosisError(f"no atlas in {folder}; make one with `{command}`")
     design = read_design(path)
+    parameters = {name: len(effect.parameters) for name, effect in registered().items()}
     points: dict[str, dict[int, Point]] = {}
     for number, name in design.tasks():
         file = point_file(folder, number, name)
         if file.exists():
-            points.setdefault(name, {})[number] = read_point(file)
+            point, count = read_point(file), parameters.get(name.removesuffix(at_fine("")), 0)
+            if len(point.value) != count:
+                what = f"`value` must hold the parameters of {name}, {count}, got {len(point.value)}"
+                raise BadFile(file, f"{what}: the effect has changed", _BUILD_AGAIN)
+            points.setdefault(name, {})[number] = point
     return design, points

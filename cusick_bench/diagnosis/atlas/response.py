@@ -39,6 +39,7 @@ _TYPICAL = 4.0  # number of fabrics that the typical mismatch counts for
 _RATIOS = (0.3, 3.0)  # least and largest ratio of a shift under the base model to that under the cheaper model
 _SHRUNK = (4.0, 12.0)  # precision of the prior that the gain needs no correction: its level, its slope
 _VISIBLE = 0.3  # least square of a shift, as a share of its noise's, so that the logarithm of the gain is finite
+_NOTHING = 1e-30  # square of a shift that is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,9 +261,15 @@ def _gain(
 
 
 def _fitted_gain(theta: ndarray, severity: ndarray, place: ndarray, square: ndarray, noise: ndarray) -> Fit:
-    """Fit of ln of a shift's size over the severity; points that do not rise above their noise have less weight."""
-    size = 0.5 * np.log(np.maximum(square - noise, _VISIBLE * noise)) - np.log(np.abs(severity))
-    return ridge(gain_terms(theta, severity, place), size[:, None], 1, square / (square + 3 * noise))
+    """Fit of ln of a shift's size over the severity; points that do not rise above their noise have less weight.
+
+    Those whose drapes an effect leaves exactly as they are have none.
+    """
+    large = np.maximum(np.maximum(square - noise, _VISIBLE * noise), _NOTHING)
+    size = 0.5 * np.log(large) - np.log(np.abs(severity))
+    return ridge(
+        gain_terms(theta, severity, place), size[:, None], 1, square / np.maximum(square + 3 * noise, _NOTHING)
+    )
 
 
 def _difference(effect: Effect, base: Point, changed: Point) -> tuple[ndarray, ndarray, ndarray] | None:

@@ -2,22 +2,31 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
+import torch
+from numpy import ndarray
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
+from cusick_bench.diagnosis.atlas import drapes
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
 from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_point, read_points
+from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_point, read_points, write_point
 from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.residuals.residual import against_base
 from cusick_bench.diagnosis.measure.features import SPREADS, features
 from cusick_bench.diagnosis.measure.statistics import NAMES
-from cusick_bench.sim.effects import registered
+from cusick_bench.files import BadFile
+from cusick_bench.sim.effects import Parameter, Values, registered
+from cusick_bench.sim.effects.imaging.camera_scale import CameraScale
+from cusick_bench.sim.setup import Setup
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 
@@ -129,6 +138,64 @@ def test_random_values_are_within_bounds() -> None:
             values = random_value(one, generator)
             assert values.keys() == bounds.keys()
             assert all(low <= values[name] <= high for name, (low, high) in bounds.items())
+
+
+class Drifting(CameraScale):
+    """A camera that has crept since the first picture, with a size of narrow bounds."""
+
+    name = "drifting"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        *CameraScale.parameters,
+        Parameter("size", "m", 0.014, 0.016, 0.015, "", role="size", default=0.015),
+    )
+
+    def _apply(self, setup: Setup, value: Values) -> Setup:
+        return super()._apply(setup, value) if setup.later else setup
+
+
+def test_random_values_are_within_narrow_bounds() -> None:
+    generator = np.random.default_rng(0)
+    assert all(0.014 <= random_value(Drifting(), generator)["size"] <= 0.016 for _ in range(20))
+
+
+def test_an_effect_of_the_camera_may_act_with_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flat = lambda setups, kept: [torch.from_numpy(setup.mesh.flat) for setup in setups]  # noqa: E731
+    monkeypatch.setattr(drapes, "drape_setups", flat)
+    monkeypatch.setattr(drapes, "registered", lambda: {"drifting": Drifting()})
+    make_points(tmp_path, SMALL, 0, [BASE, "drifting"])
+    before, after = (read_point(point_file(tmp_path, 0, name)) for name in (BASE, "drifting"))
+    size = NAMES.index("mean_radius")
+    np.testing.assert_allclose(
+        after.statistics[..., size] / before.statistics[..., size], 1 + after.value[0], rtol=1e-5
+    )
+
+
+def _made_up_points(folder: Path, name: str, value: ndarray, fabrics: int) -> None:
+    """Points of 60 fabrics without effect, and of so many with one."""
+    folder.mkdir()
+    (folder / DESIGN_FILE).write_text('{"points": 60, "stiff_points": 0, "effect_points": 60}')
+    generator, angle = np.random.default_rng(0), np.deg2rad(np.arange(360))
+    for number in range(60):
+        radii = 0.12 + 0.004 * np.cos(7 * angle + generator.uniform(0, 6, (2, 2, 1)))
+        radii += 0.001 * np.cos(5 * angle + generator.uniform(0, 6, (2, 2, 1)))
+        write_point(point_file(folder, number, BASE), np.zeros(0), radii)
+        if number < fabrics:
+            write_point(point_file(folder, number, name), value, 1.01 * radii)
+
+
+def test_points_of_an_effect_that_has_changed_are_refused(tmp_path: Path) -> None:
+    _made_up_points(tmp_path / "a", "camera-offset", np.array([0.001]), 1)
+    with pytest.raises(BadFile, match=r"camera-offset.npz: .*parameters of camera-offset, 2, got 1.*delete it"):
+        read_points(tmp_path / "a")
+
+
+def test_a_fit_says_what_it_leaves_out(tmp_path: Path) -> None:
+    _made_up_points(tmp_path / "a", "camera-scale", np.array([0.01]), 40)
+    result = CliRunner().invoke(app, ["atlas", "fit", str(tmp_path / "a"), "--out", str(tmp_path / "fitted.npz")])
+    assert result.exit_code == 0, result.output
+    assert "camera-scale (40)" in result.stderr
+    assert "60 fabrics are few for means of 121 terms" in result.stderr
+    assert "242 would do" in result.stderr
 
 
 def test_features_without_anything() -> None:

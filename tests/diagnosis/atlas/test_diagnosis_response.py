@@ -48,6 +48,16 @@ def test_what_no_fit_can_know_is_unexplained() -> None:
     assert (shares > 0.9).all()
 
 
+@pytest.mark.parametrize("untouched", [slice(0, 3), slice(None)])
+def test_an_effect_may_leave_drapes_exactly_as_they_are(untouched: slice) -> None:
+    """Such as a table below the plate, which only limp cloth reaches."""
+    found = known(200)
+    found.shift[untouched] = found.noise[untouched] = 0.0
+    moved, doubt = response(effect("camera-scale"), found).shift(found.theta, found.severity[:, 0], found.place)
+    assert np.isfinite(doubt).all()
+    assert moved[5:] == pytest.approx(found.shift[5:, 0], rel=0.2, abs=0.2)
+
+
 def test_doubt_grows_with_the_answer_and_away_from_the_atlas() -> None:
     found = known(200)
     fitted = response(effect("camera-scale"), found)
