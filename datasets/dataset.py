@@ -205,7 +205,8 @@ class DrapeDataset:
             if column not in self.table:
                 known = ", ".join(self.table.columns)
                 raise DataError(f"unknown column {column!r}", where=self.name, remedy=f"use one of {known}")
-            values = [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+            single = isinstance(value, str) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0
+            values = [value] if single else list(value)
             keep &= np.array([cell in values for cell in self.table[column]], dtype=bool)
         if not keep.any():
             raise DataError(

@@ -38,6 +38,13 @@ class Curve:
     high: Float[ndarray, " points"]
     end: float
 
+    @property
+    def until_end(self) -> "Curve":
+        """The curve up to its end, which is its last point: as it is drawn."""
+        before = self.cost < self.end
+        loss, low, high = (np.append(values[before], values[-1]) for values in (self.loss, self.low, self.high))
+        return Curve(self.label, np.append(self.cost[before], self.end), loss, low, high, self.end)
+
 
 @dataclass(frozen=True)
 class Steps:
@@ -92,7 +99,8 @@ def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
         return []
     start = min(step.cost[0] for steps in found.values() for step in steps)
     stop = max(step.cost[-1] for steps in found.values() for step in steps)
-    points = np.geomspace(max(start, 1e-3 * stop), stop, POINTS)
+    first_end = min(_end(steps) for steps in found.values())
+    points = np.geomspace(max(start, min(1e-3 * stop, 0.1 * first_end)), stop, POINTS)
     made = [_curve(method_label(*name), steps, points) for name, steps in found.items()]
     return sorted(made, key=lambda curve: float(np.nan_to_num(curve.loss[-1], nan=inf)))
 
@@ -163,5 +171,9 @@ def _point(line: Mapping[str, Any], cost: str) -> tuple[float, float] | None:
 def _curve(label: str, steps: list[Steps], points: Float[ndarray, " points"]) -> Curve:
     losses = np.stack([step.at(points) for step in steps])
     losses[:, ~np.isfinite(losses).all(0)] = np.nan
-    end = max(float(step.cost[-1]) for step in steps)
-    return Curve(label, points, losses.mean(0), losses.min(0), losses.max(0), end)
+    return Curve(label, points, losses.mean(0), losses.min(0), losses.max(0), _end(steps))
+
+
+def _end(steps: list[Steps]) -> float:
+    """Cost at which the last of a method's cells had ended."""
+    return max(float(step.cost[-1]) for step in steps)

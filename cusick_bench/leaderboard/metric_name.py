@@ -7,15 +7,25 @@ from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.sim.errors import did_you_mean
 
 HEADINGS = {
+    "test_mse_95": "test_mse",
     "best_mse": "test_mse_best",
+    "best_mse_n": "test_mse_best",
     "h": "test_hausdorff_m",
+    "h_mm": "test_hausdorff_m",
     "dc_err": "test_dc_error",
+    "dc_err_points": "test_dc_error",
     "folds_err": "test_folds_error",
     "energy_dist": "test_energy_distance",
     "energy": "test_energy_distance",
     "crps": "test_dc_crps",
+    "crps_points": "test_dc_crps",
+    "cover": "test_dc_cover_90",
+    "cover_90": "test_dc_cover_90",
     "time": "spent_wall_seconds",
+    "time_s": "spent_wall_seconds",
     "seconds": "spent_wall_seconds",
+    "cost": "spent_forward_equivalents",
+    "cost_drapes": "spent_forward_equivalents",
     "drapes": "spent_forward_equivalents",
 }
 """Headings of the leaderboard that are no part of their metric's name."""

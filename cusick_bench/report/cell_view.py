@@ -35,7 +35,8 @@ class CellView:
         trace: Best loss after each evaluation from the first success on, as (forward-equivalents, loss).
         protocol: How the silhouettes are taken.
         bending_draws: Bending stiffness of draws from the posterior [N m], in the order of `BENDING`; None without one.
-        bending: Bending tables of the elements (hinges or faces) that were fitted [N m]; None where all have one.
+        bending: Bending stiffness that the tables of the elements (hinges or faces) mean [N m], in the order of the
+            tables; None where all have one.
         both_faces: Whether every other draw lies with the other face up.
     """
 
@@ -62,12 +63,13 @@ class CellView:
         return profile_of(self.target, self.protocol)
 
 
-def load_cell_view(folder: Path, protocol: Protocol = RELEASE) -> CellView:
+def load_cell_view(folder: Path, protocol: Protocol = RELEASE, law: str = "paper") -> CellView:
     """Reads `prediction.npz` and `trace.jsonl` of a finished cell.
 
     Args:
         folder: The cell's folder.
         protocol: How the data's silhouettes were taken.
+        law: Material law of the cell, which says what stiffness its tables mean.
 
     Returns:
         What is shown of the cell.
@@ -77,7 +79,7 @@ def load_cell_view(folder: Path, protocol: Protocol = RELEASE) -> CellView:
     """
     steps = steps_of(folder, "forward_equivalents")
     trace = np.column_stack([steps.cost, steps.loss])[np.isfinite(steps.loss)]
-    return read_prediction(folder, lambda arrays: _view(arrays, trace, protocol))
+    return read_prediction(folder, lambda arrays: _view(arrays, trace, protocol, law))
 
 
 def shown_surface(
@@ -100,7 +102,7 @@ def shown_surface(
     return ruled_surface(radii, slant=protocol.overhang_m, plate_radius=plate, strips=strips)
 
 
-def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> CellView:
+def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol, law: str) -> CellView:
     fit, target = (np.asarray(arrays[name], dtype=np.float64) for name in ("train_image", "train_target"))
     if fit.shape != target.shape or fit.ndim != 2:
         raise ValueError(f"images have shapes {fit.shape} and {target.shape}")
@@ -113,7 +115,7 @@ def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> 
     else:
         surface = shown_surface(profile_of(fit, protocol), protocol)
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
-    drawn, tables = _bending_draws(arrays), _bending(arrays) if simulated else None
+    drawn, tables = _bending_draws(arrays), _bending(arrays, law) if simulated else None
     both_faces = "draw_turned" in arrays
     return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol, drawn, tables, both_faces)
 
@@ -128,11 +130,13 @@ def _bending_draws(arrays: Mapping[str, ndarray]) -> ndarray | None:
     return draws
 
 
-def _bending(arrays: Mapping[str, ndarray]) -> ndarray | None:
-    """Tables of the elements, None where there are none of their own."""
+def _bending(arrays: Mapping[str, ndarray], law: str) -> ndarray | None:
+    """Stiffness by the tables of the elements, None where there are none of their own."""
+    from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR
+
     if "bending" not in arrays or np.asarray(arrays["bending"]).ndim != 3:
         return None
     tables = np.asarray(arrays["bending"], dtype=np.float64)
     if not (np.isfinite(tables).all() and tables.min() > 0):
         raise ValueError("its tables of bending stiffness are damaged")
-    return tables
+    return tables / PUBLISHED_BENDING_FACTOR if law == "published" else tables

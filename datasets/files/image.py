@@ -156,11 +156,13 @@ def _content(path: Path, size: int, replace: str) -> bytes:
 @contextmanager
 def _silent_opencv() -> Iterator[None]:
     """Keeps OpenCV's log of damaged files off the terminal: the error that is raised says all."""
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    silent = cv2.utils.logging.LOG_LEVEL_SILENT
+    level = cv2.utils.logging.setLogLevel(silent)
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        if level != silent:  # else another thread reads an image too, and sets the level back itself
+            cv2.utils.logging.setLogLevel(level)
 
 
 def _levels(decoded: ndarray, paper: float) -> ndarray:

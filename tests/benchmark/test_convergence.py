@@ -22,7 +22,13 @@ from cusick_bench.benchmark.convergence.reference import compare_with_reference,
 from cusick_bench.benchmark.convergence.time_step import FOLD_STATISTICS, drapes_of_time_step, time_step
 from cusick_bench.cli import app
 from cusick_bench.datasets.files.plate_drapes import PlateDrape
-from cusick_bench.report.figures.convergence import convergence_figure, reference_panels
+from cusick_bench.report.figures.convergence import (
+    Panel,
+    Series,
+    convergence_figure,
+    reference_panels,
+    save_convergence,
+)
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
@@ -309,3 +315,12 @@ def test_a_picture_has_a_line_a_reference_drape(compared):
     assert (coefficient.get_yscale(), error.get_yscale()) == ("linear", "log")
     drawn = coefficient.containers[1].lines[0].get_ydata()
     assert drawn == pytest.approx([one.drape_coefficient for one in compared if one.folds == 6])
+
+
+def test_a_lone_line_of_errors_is_named(tmp_path):
+    """Without a limit the linear plate's errors stood alone on an axis called "error", without name or unit."""
+    error = Panel("error", [Series("linear plate, deflection [%]", [297, 1205], [1.2, 0.4])], logarithmic=True)
+    legend = convergence_figure("law paper", [error]).axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["linear plate, deflection [%]"]
+    save_convergence(tmp_path / "picture.png", "law paper against a$b_$c.csv", [error])

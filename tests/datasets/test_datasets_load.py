@@ -6,6 +6,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -14,6 +15,7 @@ from toy_cloths import PIXEL, draw, image_path, misfit_px, toy_profile, write_im
 
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
+from cusick_bench.datasets.files.image import _silent_opencv
 from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.torch_dataset import TorchDrapeDataset
 
@@ -82,6 +84,25 @@ def test_rows_are_whole_numbers_of_any_kind(toy):
     for several in (slice(0, 2), [0, 1]):
         with pytest.raises(TypeError, match=r"choose several with `select` or torch\.utils\.data\.Subset"):
             dataset[several]
+
+
+def test_an_entry_of_a_batch_selects(toy):
+    """A number in a tensor or an array of its own ended in "iteration over a 0-d tensor"."""
+    dataset = load(toy)
+    batch = next(iter(DataLoader(dataset, batch_size=8, generator=torch.Generator())))
+    for value in (batch["sample"][4], np.array(2), torch.tensor([2]), np.int64(2), {2}):
+        assert len(dataset.select(sample=value)) == 4
+
+
+def test_threads_leave_the_log_of_opencv_as_it_was():
+    level = cv2.utils.logging.getLogLevel()
+    one, other = _silent_opencv(), _silent_opencv()
+    for context in (one, other):
+        context.__enter__()
+    assert cv2.utils.logging.getLogLevel() == cv2.utils.logging.LOG_LEVEL_SILENT
+    for context in (one, other):
+        context.__exit__(None, None, None)
+    assert cv2.utils.logging.getLogLevel() == level
 
 
 def test_the_torch_data_set_promises_the_items_that_it_gives(toy):

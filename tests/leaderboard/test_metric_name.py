@@ -4,6 +4,7 @@ import pytest
 
 from cusick_bench.leaderboard import LeaderboardError
 from cusick_bench.leaderboard.metric_name import HEADINGS, metric_called
+from cusick_bench.leaderboard.text import COLUMNS
 
 KNOWN = [
     "train_mse", "train_dc", "test_mse", "test_mse_best", "test_hausdorff_m", "test_dc_error", "test_folds_error",
@@ -37,6 +38,15 @@ def test_is_found_by_what_people_write(text, metric):
 
 def test_headings_name_metrics():
     assert set(HEADINGS.values()) <= set(KNOWN)
+
+
+def test_every_heading_of_a_metric_names_it():
+    """`cost` and `cover` were unknown, and so were headings with their units, as Markdown and HTML tables have them."""
+    no_metrics = {"#", "solver", "kind", "cells", "random"}
+    whole = [f"{column.head} {column.unit}".strip() for column in COLUMNS if column.head not in no_metrics]
+    assert {metric_called(text, KNOWN) for text in whole} == set(KNOWN) - {"train_dc"}
+    assert metric_called("cost", KNOWN) == "spent_forward_equivalents"
+    assert metric_called("cover", KNOWN) == "test_dc_cover_90"
 
 
 @pytest.mark.parametrize(("text", "near"), [("test_mes", "test_mse"), ("hausdorf", "test_hausdorff_m")])

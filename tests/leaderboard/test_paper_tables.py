@@ -12,6 +12,8 @@ from cusick_bench.cli import app
 from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.leaderboard.anytime import Steps, curves, loss_at_equal_time
 from cusick_bench.leaderboard.paper import PUBLISHED, SOLVERS, make_table, methods, records, set_table
+from cusick_bench.report.drawing.method_graphs import anytime_graph
+from cusick_bench.report.figures.anytime import save_anytime
 
 CLOTHS = ("cotton_blue", "cotton_pink", "cotton_white", "viscose_white", "wool_red")
 
@@ -138,6 +140,20 @@ class TestAnytime:
         shortest, losses = loss_at_equal_time(table)
         assert shortest == 4
         assert losses == {("fast", ""): pytest.approx(0.3), ("slow", ""): pytest.approx(0.8)}
+
+    def test_curves_are_drawn_to_their_ends(self, tmp_path):
+        """A line ended at the last point before, and one that ended before the first point was not there."""
+        write_cell(tmp_path, "fast", "a", 0, [(1, 0.4), (2, 0.3), (3, 0.2)])
+        write_cell(tmp_path, "middle", "a", 0, [(cost, 1 / cost) for cost in range(1, 30)])
+        write_cell(tmp_path, "slow", "a", 0, [(1, 0.9), (9000, 0.1)])
+        found = curves(load_cells(tmp_path).table, "wall_seconds")
+        figure = anytime_graph(found, "wall_seconds", {curve.label: place for place, curve in enumerate(found)})
+        drawn = zip(found, figure.axes[0].lines, strict=True)
+        lines = {curve.label: np.asarray(line.get_xydata()) for curve, line in drawn}
+        ends = {label: tuple(line[-1]) for label, line in lines.items()}
+        assert ends == {"fast": (3, 0.2), "middle": (29, 1 / 29), "slow": (9000, 0.1)}
+        assert lines["fast"][0] == pytest.approx((1, 0.4))
+        save_anytime(tmp_path / "anytime.png", "lab$a_$: a $ in a name is a letter", {"wall_seconds": found})
 
 
 class TestCommand:

@@ -1,6 +1,7 @@
 """Drapes of the page's viewer: what a reader of the JSON gets back, colours, and the room on a page."""
 
 import base64
+import json
 import re
 from dataclasses import replace
 
@@ -8,7 +9,9 @@ import numpy as np
 import pytest
 from shown_cells import radii, write_cell
 
+from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.metrics import ruled_surface
+from cusick_bench.report import write_report
 from cusick_bench.report.cell_view import CellView, load_cell_view
 from cusick_bench.report.run.drape_models import fitted_model, models_document, real_model, vertex_means
 from cusick_bench.sim.cloth.mesh import Mesh
@@ -98,6 +101,22 @@ def test_stiffness_is_that_of_the_elements_near_a_vertex(view):
     even = fitted_model("c", "homo", "", view)
     assert even is not None
     assert "stiffness" not in even.colourings
+
+
+def test_stiffness_by_law_published_is_a_quarter_of_its_tables(tmp_path):
+    """The page's numbers say so, and its drapes in 3D were four times as stiff."""
+    cell = write_cell(tmp_path, "heter")
+    with np.load(cell / "prediction.npz") as stored:
+        arrays = dict(stored)
+    tables = np.full((len(arrays["faces"]), 3, 5), 4e-6)
+    np.savez_compressed(cell / "prediction.npz", bending=tables, **arrays)
+    for law, shown in (("published", "1.00"), ("paper", "4.00")):
+        for name in ("cell.json", "result.json"):
+            record = json.loads((cell / name).read_text()) | {"settings": {"drape": {"law": law}}}
+            (cell / name).write_text(json.dumps(record))
+        cells = load_cells(tmp_path)
+        write_report(cells, leaderboards(cells), tmp_path / "report.html")
+        assert f"mean of the directions: from {shown} " in (tmp_path / "report.html").read_text()
 
 
 def test_what_was_not_simulated_is_not_shown(tmp_path):

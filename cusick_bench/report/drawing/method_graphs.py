@@ -36,8 +36,8 @@ def anytime_graph(curves: Sequence[Curve], cost: str, places: Mapping[str, int])
         The figure.
     """
     figure, axes = _graph()
-    for curve in curves:
-        shown = (curve.cost <= curve.end * (1 + 1e-9)) & np.isfinite(curve.loss) & (curve.low > 0)
+    for curve in (one.until_end for one in curves):
+        shown = np.isfinite(curve.loss) & (curve.low > 0)
         spent, style = curve.cost[shown], _style(places[curve.label])
         axes.step(spent, curve.loss[shown], where="post", linewidth=2, **style)
         if len(curves) <= _MOST_RANGES:

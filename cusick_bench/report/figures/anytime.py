@@ -32,26 +32,15 @@ def save_anytime(path: Path, title: str, panels: Mapping[str, Sequence[Curve]]) 
     dashes = cycle(dash for dash in _DASHES for _ in range(10))
     styles = {name: (colour, dash) for name, colour, dash in zip(names, colours, dashes, strict=False)}
     for axis, (cost, curves) in zip(axes, panels.items(), strict=True):
-        for curve in curves:
+        for curve in (one.until_end for one in curves):
             colour, dash = styles[curve.label]
-            shown = curve.cost <= curve.end * (1 + 1e-9)
-            axis.step(
-                curve.cost[shown], curve.loss[shown], where="post", color=colour, linestyle=dash, label=curve.label
-            )
+            axis.step(curve.cost, curve.loss, where="post", color=colour, linestyle=dash, label=curve.label)
             if len(curves) <= _MOST_RANGES:
-                axis.fill_between(
-                    curve.cost[shown],
-                    curve.low[shown],
-                    curve.high[shown],
-                    step="post",
-                    color=colour,
-                    alpha=0.1,
-                    linewidth=0,
-                )
+                axis.fill_between(curve.cost, curve.low, curve.high, step="post", color=colour, alpha=0.1, linewidth=0)
         axis.set(xscale="log", yscale="log", xlabel=_TITLES[cost])
         axis.grid(visible=True, which="both", alpha=0.2)
     ranges = " and range" if max(map(len, panels.values())) <= _MOST_RANGES else ""
     axes[0].set_ylabel(f"best training MSE (mean{ranges} of cells)")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=8, frameon=False)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)  # a data set's name may hold a $
     figure.savefig(path)

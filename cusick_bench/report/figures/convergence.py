@@ -152,12 +152,12 @@ def convergence_figure(title: str, panels: Sequence[Panel]) -> Figure:
             number = labels.index(series.label) if shared else place
             _draw(axis, series, colormaps["tab10"](number % 10))
         _finish(axis, panel)
-        if not shared and len(panel.series) > 1:
+        if not shared and (len(panel.series) > 1 or panel.logarithmic):  # a lone error is named nowhere else
             axis.legend(fontsize=8)
     if shared:
         handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
         figure.legend(handles.values(), handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)  # a file's name may hold a $
     return figure
 
 

@@ -106,7 +106,7 @@ def _key(label: str, place: int) -> MethodKey:
 
 def _drawable(found: Sequence[Curve]) -> list[Curve]:
     """Curves with two points and more that a logarithmic scale can show."""
-    return [curve for curve in found if np.count_nonzero(curve.loss > 0) > 1]
+    return [curve for curve in found if np.count_nonzero(curve.until_end.loss > 0) > 1]
 
 
 def _curves_in_words(found: Sequence[Curve], cost: str) -> str:
