@@ -54,6 +54,11 @@ def _fault(loaded: Any, base: type, name: str) -> str:
         return f"lacks {', '.join(sorted(loaded.__abstractmethods__))}; write it"
     if (own := getattr(loaded, "name", None)) != name:  # records have the class's name, and are read by it
         return f"must have the name that it is registered under, got name = {own!r}; make them equal"
+    if "," in name:  # parts options and parameters, so that nobody could ask for it
+        return "must have a name without commas; give it another one"
+    version: Any = getattr(loaded, "version", 1)
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:  # tables refuse records with another
+        return f"must have a version that is a whole number >= 1, got version = {version!r:.60}; correct it"
     return ""
 
 

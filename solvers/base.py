@@ -111,13 +111,17 @@ class Prediction:
                 raise SolverError(f"{name} must lie in [0, 1] (cloth = 1), got {image.min()} .. {image.max()}")
 
 
+KINDS = ("solver", "null", "oracle")
+"""Kinds of solvers: one that simulates, one without physics, one that has seen the held-out images."""
+
+
 @dataclass(frozen=True)
 class Solver(ABC):
     """A method that answers a drape problem. Fields of subclasses are its options."""
 
     name: ClassVar[str]
     version: ClassVar[int] = 1  # raised when its answers change; see runner/numerics.py
-    kind: ClassVar[str] = "solver"  # or "null": no physics, "oracle": has seen the held-out images
+    kind: ClassVar[str] = "solver"  # one of `KINDS`
     reference: ClassVar[str] = ""
     summary: ClassVar[str] = ""
     space: ClassVar[str | None] = None  # the parameter space that the method is about, whatever the run asks for

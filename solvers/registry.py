@@ -14,8 +14,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
 from cusick_bench.sim.errors import did_you_mean, failure_text, raise_stop
-from cusick_bench.sim.plugins import registered_classes, why_left_out
-from cusick_bench.solvers.base import Solver, SolverError
+from cusick_bench.sim.plugins import leave_out, registered_classes, why_left_out
+from cusick_bench.solvers.base import KINDS, Solver, SolverError
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
 from cusick_bench.solvers.bayesian_optimisation.rembo import Rembo
@@ -63,7 +63,13 @@ def registered() -> dict[str, type[Solver]]:
     """Every solver by name: built in, the benchmarked members of families, and those of other packages."""
     solvers = {solver.name: solver for solver in _BUILT_IN}
     solvers |= {f"nlopt:{algorithm}": nlopt_solver(algorithm) for algorithm in BENCHMARKED}
-    return solvers | registered_classes(ENTRY_POINTS, Solver, solvers)
+    for name, solver in registered_classes(ENTRY_POINTS, Solver, solvers).items():
+        if solver.kind in KINDS:
+            solvers[name] = solver
+        else:  # would count as one without physics, which meets no effects
+            why = f"must be of a kind among {', '.join(KINDS)}, got kind = {solver.kind!r:.60}; correct it"
+            leave_out(ENTRY_POINTS, name, solver, why)
+    return solvers
 
 
 def solver_names() -> list[str]:
@@ -177,7 +183,7 @@ def default_options(cls: type[Solver]) -> dict[str, Any]:
 
 def _checked(cls: type[Solver], option: str, value: Any) -> Any:
     """The value of an option, if it is of the type that the solver's field states."""
-    kind = get_type_hints(cls)[option]
+    kind = _type_of(cls, option)
     try:
         TypeAdapter(kind).validate_python(value, strict=True)
     except PydanticSchemaGenerationError:  # a type of another package, which its solver has to check
@@ -189,6 +195,14 @@ def _checked(cls: type[Solver], option: str, value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         raise SolverError(f"option {option} of {cls.name} must be finite, got {value}")
     return value
+
+
+def _type_of(cls: type[Solver], option: str) -> Any:
+    """The type that a solver's field states; Any where its module imports some name for type checkers only."""
+    try:
+        return get_type_hints(cls)[option]
+    except (NameError, AttributeError, TypeError):
+        return Any
 
 
 def _literal(text: str) -> Any:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import logging
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -11,6 +12,7 @@ from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import Split
+from cusick_bench.files.json_text import json_text
 from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical, parse_causes
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
@@ -147,7 +149,7 @@ class Cell:
         record = {
             "solver": self.solver,
             "kind": solver.kind,
-            "solver_options": solver.options,
+            "solver_options": {name: _written(value) for name, value in solver.options.items()},
             "cloth": self.cloth,
             "seed": self.seed,
             "space": self.settings.space,
@@ -200,6 +202,16 @@ class Cell:
     def key(self) -> str:
         """Name of the cell's folder."""
         return record_key(self.record())
+
+
+def _written(option: Any) -> Any:
+    """A solver's option as `cell.json` has it, whose hash is to be the cell's key; as text what JSON has not."""
+    if isinstance(option, float) and not math.isfinite(option):
+        return str(option)
+    try:
+        return json.loads(json_text(option))
+    except (TypeError, ValueError):
+        return str(option)
 
 
 def record_key(record: dict[str, Any]) -> str:

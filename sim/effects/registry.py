@@ -120,6 +120,8 @@ def _fault(made: Effect) -> str:
     """What an effect of another package lacks; empty where it is whole."""
     if lacking := [name for name in _STATED if not hasattr(made, name)]:
         return f"lacks {', '.join(lacking)}; state it"
+    if ":" in made.name:
+        return "must have a name without colons, which part a name from its parameters; give it another one"
     if made.kind not in KINDS:
         return f"must be of a class (kind) among {', '.join(KINDS)}, got {made.kind!r}; correct it"
     if odd := [parameter for parameter in made.parameters if not isinstance(parameter, Parameter)]:

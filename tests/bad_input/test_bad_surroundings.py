@@ -50,6 +50,8 @@ class Worded(Idle):
     parameters = ("load",)
 class Boundless(Idle):
     parameters = (Parameter("load", "1", None, None, 0.5, "none"),)
+class Colon(Idle):
+    name = "odd:one"
 """
 UNFINISHED = """
 from cusick_bench.sim.effects.base import Effect
@@ -66,6 +68,16 @@ class NamedSolvers(Solvers):
     name = "even"
     def _solve(self, problem, generator, progress):
         raise NotImplementedError
+class CommaEffects(NamedEffects):
+    name = "odd,one"
+class CommaSolvers(NamedSolvers):
+    name = "odd,one"
+class VersionEffects(NamedEffects):
+    name, version = "odd", "1.1"
+class VersionSolvers(NamedSolvers):
+    name, version = "odd", "1.1"
+class KindSolvers(NamedSolvers):
+    name, kind = "odd", "gradient"
 """
 
 
@@ -167,6 +179,7 @@ def register(tmp_path, monkeypatch):
         ("odd = no_such_module:Thing", "No module named"),
         ("odd = odd_class:{group}", "lacks _[as]"),
         ("odd = odd_class:Named{group}", "must have the name that it is registered under, got name = 'even'"),
+        ("odd = odd_class:Version{group}", "must have a version that is a whole number >= 1, got version = '1.1'"),
     ],
 )
 def test_a_package_that_registers_nonsense_is_named_and_left_out(register, group, entry, reason):
@@ -175,6 +188,32 @@ def test_a_package_that_registers_nonsense_is_named_and_left_out(register, group
         names = registered() if group == "effects" else registered_solvers()
     assert "odd" not in names
     assert len(names) > 5
+
+
+@pytest.mark.parametrize(
+    ("group", "entry", "reason"),
+    [
+        ("solvers", "odd,one = odd_class:CommaSolvers", "name without commas"),
+        ("effects", "odd,one = odd_class:CommaEffects", "name without commas"),
+        ("effects", "odd:one = odd_effect:Colon", "name without colons"),
+    ],
+)
+def test_a_name_that_nobody_could_ask_for_is_left_out(register, group, entry, reason):
+    """Commas and colons part a name from options and parameters."""
+    register(group, entry)
+    with pytest.warns(RuntimeWarning, match=f"'odd.one'.*must have a {reason}.*left out"):
+        names = registered() if group == "effects" else registered_solvers()
+    assert not {name for name in names if name.startswith("odd")}
+
+
+def test_a_solver_of_an_unknown_kind_is_left_out(register):
+    """It would count as one without physics: its cells would forget the effects that are asked for."""
+    register("solvers", "odd = odd_class:KindSolvers")
+    with pytest.warns(RuntimeWarning, match="'odd'.*of a kind among solver, null, oracle, got kind = 'gradient'"):
+        names = registered_solvers()
+    assert "odd" not in names
+    with pytest.warns(RuntimeWarning, match="left out"), pytest.raises(SolverError, match="must be of a kind among"):
+        solver_class("odd")
 
 
 @pytest.mark.filterwarnings("ignore:'odd'")

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
+from cusick_bench.leaderboard.gate.baseline import read_cells, settings_digest, write_baseline
 
 pytestmark = pytest.mark.usefixtures("fewer_permutations")
 
@@ -75,6 +75,28 @@ class TestCommand:
             result = CliRunner().invoke(app, ["check", *map(str, words)])
             assert result.exit_code == 2
             assert message in " ".join(result.output.split())
+
+    @pytest.mark.parametrize("form", ["json", "csv"])
+    def test_settings_in_full_are_those_of_a_baseline(self, tmp_path, form):
+        """A `result.json` has them as an object, a table of `leaderboard --cells` as the text of one."""
+        settings = {"vertices": 97, "budget": {"seconds": None, "forward_equivalents": 8.0}}
+        text = json.dumps(settings, sort_keys=True)
+        cells = [
+            {"solver": "s", "cloth": cloth, "seed": 0, "train_mse": 0.01, "protocol": "paper"}
+            for cloth in ("a", "b", "c")
+        ]
+        baseline, run = tmp_path / "baseline.csv", tmp_path / f"run.{form}"
+        write_baseline(pd.DataFrame([cell | {"settings": settings_digest(text)} for cell in cells]), baseline, [])
+        for given, status in ((settings, 0), (settings | {"vertices": 150}, 2)):
+            if form == "json":
+                run.write_text(json.dumps({"cells": [cell | {"settings": given} for cell in cells]}))
+            else:
+                full = [cell | {"settings": json.dumps(given, sort_keys=True)} for cell in cells]
+                pd.DataFrame(full).to_csv(run, index=False)
+            result = CliRunner().invoke(app, ["check", str(run), "--against", str(baseline)])
+            assert result.exit_code == status, result.output
+        assert "s must have the baseline's settings" in " ".join(result.output.split())
+        assert self.check(run, "--against", run)[0] == 0
 
     def test_a_leaderboard_is_no_table_of_cells(self, tmp_path):
         (tmp_path / "board.csv").write_text("solver,rank,cloths,test_mse\nhomo,1,a b,0.05\n")

@@ -11,6 +11,7 @@ from other_package import REPLIES, install
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.runner.grid import record_key
 from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.registry import make_solver, registered
 
@@ -66,6 +67,29 @@ class Talker(Solver):
         print("PRINTED: redrawn")
         return np.zeros(problem.dimension)
 """
+
+
+OPTIONED = f"""{REPLIES}
+from enum import Enum
+from math import inf
+
+
+class Method(Enum):
+    FAST = 1
+
+
+@dataclass(frozen=True)
+class Optioned(Solver):
+    name: ClassVar[str] = "optioned"
+    kind: ClassVar[str] = "null"
+    limit: float = inf
+    method: Method = Method.FAST
+    sizes: tuple[int, ...] = (1, 2)
+    levels: Any = np.int64(3)
+
+    def _solve(self, problem, generator, progress):
+        return answer(problem)
+""".replace("import ClassVar", "import Any, ClassVar")
 
 
 @pytest.fixture
@@ -151,3 +175,14 @@ def test_nor_does_what_it_prints_in_a_worker(printing: Path, tmp_path: Path):
 def test_help_stays_on_standard_output():
     done = CliRunner().invoke(app, ["run", "--help"])
     assert "--solver" in done.stdout
+
+
+def test_options_that_json_has_not_are_kept_as_text(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """The key of a cell is the hash of its record, as it can be read again."""
+    install(monkeypatch, tmp_path / "site", "cusick_optioned", OPTIONED, {"optioned": "Optioned"})
+    result = CliRunner().invoke(app, _words(tmp_path / "run", "optioned"))
+    assert result.exit_code == 0, result.output
+    (cell,) = tmp_path.glob("run/cells/*")
+    record = json.loads((cell / "cell.json").read_text())
+    assert record["solver_options"] == {"limit": "inf", "method": "Method.FAST", "sizes": [1, 2], "levels": 3}
+    assert record_key(record) == cell.name

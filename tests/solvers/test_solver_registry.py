@@ -127,6 +127,20 @@ def test_options_of_other_packages_are_told_and_refused_in_a_line(monkeypatch):
     assert options["null:random-phase"] == {"draws": 1000}
 
 
+def test_options_whose_module_imports_a_type_for_type_checkers_only_can_be_given(monkeypatch):
+    @dataclass(frozen=True)
+    class Foreign(Solver):
+        name: ClassVar[str] = "foreign"
+        count: int = 3
+        sizes: "NobodyImportsThis" = ()
+
+        def _solve(self, problem, generator, progress):
+            raise NotImplementedError
+
+    monkeypatch.setattr(registry, "registered_classes", lambda *_: {"foreign": Foreign})
+    assert make_solver("foreign,count=4").options == {"count": 4, "sizes": ()}
+
+
 def test_global_search_needs_an_end():
     with pytest.raises(SolverError, match="give --budget"):
         answer_of("nlopt:GN_ESCH", toy_problem(budget=Budget()))

@@ -7,6 +7,7 @@ the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 """
 
 import hashlib
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -102,6 +103,14 @@ def settings_digest(settings: str) -> str:
         12 hexadecimal digits.
     """
     return hashlib.sha256(settings.encode()).hexdigest()[:12]
+
+
+def _text_of(name: str, value: Any) -> str:
+    """What a file says of a cell's problem, as a baseline has it: settings in full, of a `result.json` or of a table of
+    `leaderboard --cells`, as their fingerprint.
+    """
+    text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
+    return settings_digest(text) if name == "settings" and text.startswith("{") else text
 
 
 def _numbered(table: pd.DataFrame) -> pd.DataFrame:
@@ -242,6 +251,7 @@ def _cell(where: str, entry: dict[str, Any]) -> dict[str, Any]:
         cell["seed"] = whole_number_of("seed", entry.get("seed"))
         if entry.get(LEFT_OUT) is not None:
             cell[LEFT_OUT] = whole_number_of(LEFT_OUT, entry[LEFT_OUT])
+        cell |= {name: _text_of(name, entry[name]) for name in _PROBLEM if entry.get(name) is not None}
         cell["status"] = entry.get("status") or "done"
         if cell["status"] not in STATUSES:
             raise ValueError(f"status must be {' or '.join(STATUSES)}, got {cell['status']!r}")
