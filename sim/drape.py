@@ -25,6 +25,7 @@ from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.membrane import softened
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
+from cusick_bench.sim.cloth.warp import about_centre
 from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.dynamics.drop import FACTOR_MEMORY
 from cusick_bench.sim.engine.parameters import Parameters
@@ -41,7 +42,7 @@ from cusick_bench.sim.torch_engine.engine import COMPILED, TorchEngine, torch_de
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 PLATE_SPRING = 1e3  # [N/m], the published program's
-_EDGE = 1e-9  # [m] vertices on the plate's edge count as held
+_EDGE = 1e-9  # [m] vertices on the plate's edge count as held; on springs as free
 _MOST_COMPILED, _MOST_ON_DEVICE = 16, 256  # cloths dropped at once; larger batches are hardly faster
 _VERTEX_MEMORY = 6_000  # [bytes] of a compiled batch, for each vertex of each cloth (measured: 3500 to 5200)
 
@@ -142,7 +143,8 @@ class DrapeSimulator:
         if s.support == "fixed":
             fixed, spring = radius <= s.plate_radius + _EDGE, np.zeros(self.mesh.vertices)
         else:
-            fixed, spring = np.zeros(self.mesh.vertices, bool), np.where(radius < s.plate_radius, PLATE_SPRING, 0.0)
+            inside = radius < s.plate_radius - _EDGE
+            fixed, spring = np.zeros(self.mesh.vertices, bool), np.where(inside, PLATE_SPRING, 0.0)
         if not (radius <= s.plate_radius + _EDGE).any():
             raise SimulationError(f"no vertex lies on the plate of radius {s.plate_radius} m: nothing holds the cloth")
         elsewhere = torch_device(self.device) is not None
@@ -185,6 +187,8 @@ class DrapeSimulator:
     def rest_angles(self, seed: int | None = None) -> Float[Tensor, "hinges"]:
         """Stress-free dihedral angles of the random rest shape, from the settings' seed or another one [rad].
 
+        The shape is the cloth's: it lies about its centre, wherever that is on the plate.
+
         Args:
             seed: Seed of the rest shape; None for that of the settings.
 
@@ -196,7 +200,9 @@ class DrapeSimulator:
         s = self.settings
         generator = np.random.default_rng([seed, 1])
         shape = self.mesh.flat.copy()
-        shape[:, 2] = smooth_field(s.rest_amplitude, s.rest_length, generator)(self.mesh.material)
+        if s.rest_amplitude > 0:
+            field = smooth_field(s.rest_amplitude, s.rest_length, generator)
+            shape[:, 2] = field(about_centre(self.mesh, self.mesh.material))
         return dihedral_angles(torch.from_numpy(shape), self.mesh.hinges)
 
     @property

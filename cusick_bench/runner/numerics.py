@@ -54,6 +54,10 @@ def drape_numerics(law: str, *, with_contact: bool = False, with_effects: bool =
 
 BOTH_FACES = 1
 """Version of the procedure of cells that train on both faces of a cloth."""
+SPRINGS = 1
+"""Version of which vertices springs hold; cells without it also held some on the plate's edge."""
+REST_SHAPE = 1
+"""Version of where a random rest shape lies on a cloth with effects; cells without it had it about the plate's axis."""
 REPEATS = 1
 """Version of the scores of held-out samples with several captures."""
 
@@ -90,6 +94,10 @@ def cell_numerics(
     if solver.kind == "solver":
         with_contact, with_effects = drape.self_contact > 0, bool(causes)
         versions |= drape_numerics(drape.law, with_contact=with_contact, with_effects=with_effects)
+        if drape.support == "springs":
+            versions["springs"] = SPRINGS
+        if with_effects and drape.rest_amplitude > 0:
+            versions["rest shape"] = REST_SHAPE
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION

@@ -141,6 +141,11 @@ class DrapeSettings:
             smooth_field(getattr(self, f"{name}_amplitude"), getattr(self, f"{name}_length"), np.random.default_rng(0))
         if not (np.isfinite(self.self_contact) and self.self_contact >= 0):
             raise SimulationError(f"self_contact must be >= 0 m and finite, got {self.self_contact}")
+        if self.self_contact > 0 and self.law == "published":
+            raise SimulationError(
+                "self-contact needs a law that derives from an energy, got law 'published'; use law 'plate' or "
+                "'paper', or leave self-contact out"
+            )
         if self.self_contact > 0 and self.mode == "drop":
             raise SimulationError("self-contact is for mode 'equilibrium', whose gradients know of it; got mode 'drop'")
         if self.law == "plate" and self.support != "fixed":

@@ -7,7 +7,7 @@ from golden import PATH, changes, goldens, stored
 
 from cusick_bench.problem import SPACES
 from cusick_bench.runner.labels import PARTS_OF_SAMPLES
-from cusick_bench.runner.numerics import cell_numerics
+from cusick_bench.runner.numerics import REST_SHAPE, SPRINGS, cell_numerics
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.registry import make_solver, registered
 
@@ -48,6 +48,19 @@ def test_a_cell_has_the_version_of_the_space_that_it_is_in(solver, asked, used):
     versions = cell_numerics(make_solver(solver), DrapeSettings(), space=asked)
     found = {name: number for name, number in versions.items() if name.startswith("space ")}
     assert found == ({f"space {used}": SPACES[used].version} if used and SPACES[used].version > 1 else {})
+
+
+def test_cells_on_springs_alone_have_the_version_of_springs():
+    solver = make_solver("homo")
+    assert "springs" not in cell_numerics(solver, DrapeSettings())
+    assert cell_numerics(solver, DrapeSettings(support="springs"))["springs"] == SPRINGS
+
+
+def test_cells_with_a_rest_shape_and_effects_have_the_version_of_where_it_lies():
+    solver, bent = make_solver("homo"), DrapeSettings(rest_amplitude=1e-3)
+    for settings, causes in ((DrapeSettings(), ("off-centre:shift=0.002",)), (bent, ())):
+        assert "rest shape" not in cell_numerics(solver, settings, causes)
+    assert cell_numerics(solver, bent, ("off-centre:shift=0.002",))["rest shape"] == REST_SHAPE
 
 
 def test_parts_that_only_some_samples_need_are_known_as_such():

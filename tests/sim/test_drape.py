@@ -8,7 +8,7 @@ import torch
 from scipy.interpolate import LinearNDInterpolator
 
 from cusick_bench.sim.cloth.material import Material, project_admissible, uniform_material
-from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, smooth_field
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import Drape, DrapeSimulator
@@ -152,6 +152,12 @@ def test_angles_are_positive_where_the_cloth_is_convex_and_measure_its_curvature
     assert float(DrapeSimulator(MESH, DrapeSettings(rest_amplitude=1e-3)).rest_angles().abs().max()) > 1e-3
 
 
+def test_the_rest_shape_goes_with_a_cloth_that_lies_beside_the_axis():
+    settings, beside = DrapeSettings(rest_amplitude=1e-3), Mesh(MESH.material + np.array([0.03, -0.01]), MESH.faces)
+    angles, moved = (DrapeSimulator(mesh, settings).rest_angles(3) for mesh in (MESH, beside))
+    torch.testing.assert_close(moved, angles, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize(("amplitude", "length"), [(-1.0, 0.03), (1e-3, 0.0), (np.nan, 0.03), (1e-3, np.inf)])
 def test_impossible_fields_are_refused(amplitude: float, length: float):
     with pytest.raises(SimulationError, match="amplitude >= 0 and length > 0"):
@@ -276,6 +282,17 @@ def test_cloth_stays_on_its_plate_and_hangs_around_it(support):
     assert z[MESH.boundary].max() < -5e-3
     held = radius[radius < PLATE_RADIUS + 1e-9 if support == "fixed" else radius < PLATE_RADIUS - 1e-9].max()
     assert z.min() > -1.1 * (CLOTH_RADIUS - held)  # it hangs no lower than the cloth, little stretched, is long
+
+
+@pytest.mark.parametrize("vertices", [150, 297])
+def test_springs_leave_all_of_the_plates_edge_free(vertices: int):
+    """Rounding puts some vertices of its ring a last digit inside, and these were held."""
+    mesh = disc_mesh(vertices)
+    radius = np.hypot(*mesh.material.T)
+    on_edge = np.isclose(radius, PLATE_RADIUS, rtol=0, atol=1e-9)
+    assert (radius[on_edge] < PLATE_RADIUS).any()
+    held = DrapeSimulator(mesh, DrapeSettings(support="springs")).system.spring > 0
+    np.testing.assert_array_equal(held, (radius < PLATE_RADIUS) & ~on_edge)
 
 
 def test_the_same_drape_twice_is_bitwise_the_same():

@@ -26,7 +26,7 @@ class Relaxation(StateLaw):
     """Moments that relax once, at the shape that the elastic cloth has reached.
 
     Attributes:
-        loss: Share of the moment that is gone at that shape, in [0, 1).
+        loss: Share of the bending at that shape that becomes the rest, in [0, 1).
     """
 
     rank: ClassVar[Rank] = Rank.REST
@@ -72,15 +72,16 @@ class Creep(Effect):
     summary = "bending moments relax between an earlier picture and this one"
     physics = (
         "In a later capture the rest angles (law `plate`: curvatures) have followed the shape reached before, "
-        "rest = rest0 + loss (reached - rest0), so that the moment there is (1 - loss) of the elastic one, and the "
-        "cloth sinks to a new rest."
+        "rest = rest0 + loss (reached - rest0), and the cloth sinks to a new rest. The moment at the shape reached is "
+        "that of the bending (1 - loss) (reached - rest0): (1 - loss) of the elastic one if B is the same at all "
+        "curvatures."
     )
     reference = "Simo, Hughes. Computational inelasticity. Springer 1998, Chapter 10 (stress relaxation)."
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "loss", "1", 0.0, 0.9, 0.15,
             "assumed: drapes of one cloth in the public release (Fabric 1) lose 5 to 7 points of DC in five pictures",
-            summary="share of the bending moment that has relaxed",
+            summary="share of the bending that has become the rest, and of the moment that is gone if B is constant",
         ),
     )  # fmt: skip
     signed = False

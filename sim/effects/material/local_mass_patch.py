@@ -36,5 +36,5 @@ class LocalMassPatch(Effect):
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch
 
-        patch, mass = Patch.of(value), value["mass"]
+        patch, mass = Patch.of(value, setup), value["mass"]
         return setup.with_added(log_mass=lambda points: torch.log1p(mass * patch(points)))

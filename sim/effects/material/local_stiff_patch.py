@@ -31,5 +31,5 @@ class LocalStiffPatch(Effect):
     gradient = "adjoint"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        patch, stiffening = Patch.of(value), value["stiffening"]
+        patch, stiffening = Patch.of(value, setup), value["stiffening"]
         return setup.with_added(log_bending=lambda points: stiffening * patch(points))

@@ -400,6 +400,18 @@ def test_who_asks_for_contact_is_not_sent_to_a_drop_which_has_none():
         DrapeSimulator(disc_mesh(100), settings).drape(uniform_material(density=0.2, bending=1e-4))
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [["--self-contact", "0.001"], ["--self-contact", "0.001", "--mode", "drop"], ["--with-effect", "self-contact"]],
+)
+def test_who_asks_for_contact_by_a_law_without_energy_is_told_to_take_another_law(asked: list[str]):
+    """Messages sent to mode drop, where others said that contact needs mode equilibrium."""
+    words = ["simulate", "--density", "0.19", "--bending", "1e-5", "--vertices", "97", "--law", "published"]
+    refused = CliRunner().invoke(app, [*words, *asked])
+    assert refused.exit_code == 2
+    assert "self-contact needs a law that derives from an energy" in " ".join(refused.output.split())
+
+
 def test_missing_package_names_the_remedy(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "ipctk", None)
     with pytest.raises(SimulationError, match=r"pip install 'cusick-bench\[contact\]'"):

@@ -25,6 +25,7 @@ from cusick_bench.sim.engine.strains import HINGE_SHARE
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.history import Rank, State, StateLaw, drop_with_history
+from cusick_bench.sim.reference.tables import weights_bending_paper
 from cusick_bench.sim.setup import Setup, drape_setups
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -225,6 +226,21 @@ def test_the_moment_left_at_the_shape_reached_is_one_minus_the_loss():
     np.testing.assert_allclose(forces[2], forces[0], atol=1e-12 * np.abs(forces[0]).max())
     for relaxed in forces[3:]:
         np.testing.assert_allclose(relaxed, (1 - loss) * forces[0], atol=1e-9 * np.abs(forces[0]).max())
+
+
+def test_the_moment_left_is_that_of_the_bending_left_where_stiffness_depends_on_curvature():
+    mesh, loss, at = _hexagon(5, 0.002), 0.35, 15.0
+    row = torch.tensor([1.0, 3.0, 7.0, 2.0, 5.0], dtype=torch.float64) * 1e-5
+    state, system = effect("creep").apply(_setup(), {"loss": loss}).states[0], _loose(mesh)
+    p, x = _parameters(mesh, replace(CLOTH, bending=row.repeat(3, 1)), bends_only=True), _rolled(mesh, at)
+    relaxing = state.start(system, p)
+    elastic, _, left = (
+        system.forces(x, x, relaxing.advance(system, p, x, share)[1], exact=False)[0] for share in (0.0, 0.5, 0.99)
+    )
+    before, after = weights_bending_paper(torch.tensor([at, (1 - loss) * at], dtype=torch.float64)) @ row
+    expected = float((1 - loss) * after / before)
+    assert expected == pytest.approx(0.413, abs=1e-3)  # not .65
+    assert (left * elastic).sum() / (elastic**2).sum() == pytest.approx(expected, rel=1e-3)
 
 
 def _coefficient(vertices: torch.Tensor) -> float:

@@ -24,6 +24,7 @@ from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
+from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup, drape_setups
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -247,6 +248,16 @@ def test_what_of_a_patch_lies_beyond_the_rim_is_not_added():
     lost = 1 - (mass[1] - mass[0]) / (0.192 * 2 * math.pi * 0.02**2)
     assert lost == pytest.approx(0.12, abs=5e-3)
     assert f"{lost:.0%}".replace("%", " %") in patch.physics
+
+
+@pytest.mark.parametrize("name", ["local-stiff-patch", "local-mass-patch"])
+def test_a_patch_beside_a_small_cloth_is_refused(name):
+    """The usual place is on the standard's cloth; of one of 24 cm it lies beyond the rim."""
+    small = _setup(disc_mesh(150, radius=0.12, plate_radius=0.072), settings=DrapeSettings(plate_radius=0.072))
+    for setup in (small, parse("cut-size:error=0.01").apply(small)):
+        with pytest.raises(SimulationError, match=r"radius is 0\.12 m, got one centred 0\.125 m.*as radius=0\.096$"):
+            parse(name).apply(setup)
+        assert parse(f"{name}:radius=0.096").apply(setup) is not setup
 
 
 def test_the_rim_has_its_factor_and_the_plate_has_none():
