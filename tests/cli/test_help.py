@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -73,6 +74,44 @@ def test_many_options_stand_in_panels(path):
     """More than ten options are no list that anybody reads."""
     loose = [name for name, panel in _options(EVERY[path]).items() if panel is None]
     assert not loose
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+
+
+def test_every_command_prints_json_where_it_is_asked_to():
+    leaves = {path: command for path, command in EVERY.items() if not hasattr(command, "list_commands")}
+    assert len(leaves) > 40
+    assert [path for path, command in leaves.items() if "--json" not in _options(command)] == []
+
+
+def test_devices_and_seeds_are_for_the_commands_that_the_page_names():
+    having = {
+        name: {" ".join(path) for path, command in EVERY.items() if name in _options(command)}
+        for name in ("--device", "--seed")
+    }
+    (alone,) = re.findall(r"Only `(\w+)` and `(\w+)` have `--device`", " ".join(PAGE.split()))
+    assert having["--device"] == set(alone)
+    fixed = re.search(r"nor do those whose random numbers belong to what they make: (.*?)\. ", " ".join(PAGE.split()))
+    assert fixed is not None
+    named = set(re.findall(r"`([a-z][a-z -]+)`", fixed[1]))
+    assert {"data synthetic", "atlas build", "population"} <= named <= {" ".join(path) for path in EVERY}
+    assert not having["--seed"] & named
+
+
+def test_default_numbers_of_vertices_are_those_of_the_page():
+    """`run`, `simulate` and commands of several meshes, which have none, are looked at where they run."""
+    rows = re.findall(r"^\| (`.+?) \| `\w+`(?:, fixed)? \| ([\d, ]+) \|$", PAGE, re.M)
+    told = {}
+    for names, numbers in rows:
+        commands = re.findall(r"`([^`]+)`", names)
+        group = commands[0].rpartition(" ")[0]
+        paths = [tuple(f"{group} {name.removeprefix(group)}".split()) for name in commands]
+        every = [int(number) for number in numbers.split(", ")]
+        told |= dict(zip(paths, every * len(paths) if len(every) == 1 else every, strict=len(every) > 1))
+    assert set(told) >= {("identify",), ("learning-curve",), ("population",), ("paper", "table-2")}
+    found = {path: next(o.default for o in EVERY[path].params if o.opts[0] == "--vertices") for path in told}
+    assert found == told
 
 
 FORMER = {"--without", "--method", "--spread", "--least", "--redraws", "--rest"}

@@ -1,6 +1,7 @@
 """Ctrl-C, as a terminal sends it to all processes of a command: no traceback, status 130, and how to go on."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
-from cusick_bench.cli.common import INTERRUPTED, interruptible
+from cusick_bench.cli.common import INTERRUPTED, TERMINATED, interruptible
 
 START = 300  # [s] that a command may take until it works: a fresh checkout compiles its kernels first
 STOP = 120  # [s] that it may take to end on a machine that has other work
@@ -118,6 +119,12 @@ def test_a_stop_that_a_compiled_kernel_has_wrapped_is_a_stop(capsys, monkeypatch
     monkeypatch.setattr("cusick_bench.datasets.files.layout.scan", kernel)
     found = CliRunner().invoke(app, ["datasets", "--json"])
     assert (found.exit_code, found.stderr.strip()) == (INTERRUPTED, "interrupted: nothing was written")
+
+
+def test_statuses_of_stops_are_those_of_shells_and_of_the_page():
+    page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+    (told,) = re.findall(r"^\| (\d+), (\d+) \| interrupted by Ctrl-C, terminated by SIGTERM \|$", page, re.M)
+    assert tuple(map(int, told)) == (128 + signal.SIGINT, 128 + signal.SIGTERM) == (INTERRUPTED, TERMINATED)
 
 
 def test_a_fault_of_a_compiled_kernel_is_no_stop():

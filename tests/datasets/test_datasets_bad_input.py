@@ -19,6 +19,7 @@ from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.errors import BadImage, BadMesh, DataNotFound
 from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.layout import inside_root, scan
+from cusick_bench.datasets.files.measure import measure_mesh
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
 from cusick_bench.datasets.profile import Profile
@@ -344,6 +345,45 @@ def test_files_of_a_disk_that_fails_do_not_stop_an_audit(tmp_path, monkeypatch, 
 
     monkeypatch.setattr(Path, "open", fails)
     assert audit(root).kinds[kind] == 1
+
+
+@pytest.mark.parametrize(("suffix", "error"), [(".png", BadImage), (".obj", BadMesh)])
+def test_a_file_that_the_system_refuses_is_told_with_its_mode(tmp_path, monkeypatch, suffix, error):
+    """As the next test, which root cannot run, nor a container whose user is root."""
+    root, name = write_toy(tmp_path), f"Fabric_7_Sample_1_Capture_2{suffix}"
+
+    def refusing(opened):
+        def refuses(path, *words, **options):
+            if Path(path).name == name:
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+            return opened(path, *words, **options)
+
+        return refuses
+
+    monkeypatch.setattr(Path, "open", refusing(Path.open))
+    monkeypatch.setattr(Image, "open", refusing(Image.open))
+    assert audit(root).kinds["no-permission"] == 1
+    read = read_silhouette if suffix == ".png" else measure_mesh
+    with pytest.raises(error, match="change its mode") as caught:
+        read(next(root.rglob(name)))
+    assert caught.value.kind == "no-permission"
+
+
+def test_a_folder_that_the_system_refuses_is_told(tmp_path, monkeypatch):
+    root, scanned = write_toy(tmp_path), os.scandir
+
+    def refuses(path="."):
+        if Path(path).name == "meshes":
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return scanned(path)
+
+    monkeypatch.setattr(os, "scandir", refuses)
+    told = [item.path for item in audit(root).irregularities if item.kind == "no-permission"]
+    assert told == ["data/Fabric 7/meshes"]
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(DataNotFound, match="may not be read; change its mode") as caught:
+        load(root)
+    assert caught.value.kind == "no-permission"
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")

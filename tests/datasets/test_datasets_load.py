@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 from torch.utils.data import DataLoader, Dataset, Subset, SubsetRandomSampler
-from toy_cloths import PIXEL, draw, image_path, misfit_px, toy_profile, write_image, write_toy
+from toy_cloths import PIXEL, draw, image_path, mesh_path, misfit_px, toy_profile, write_image, write_toy
 
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
@@ -125,7 +125,11 @@ def test_content_hash_tells_other_data(toy):
     with_density = load(toy).content_hash
     assert with_density != before
     write_image(image_path(toy, 3, 4), draw(toy_profile(7, 1, 4)))
-    assert load(toy).content_hash not in (before, with_density)
+    with_image = load(toy).content_hash
+    assert with_image not in (before, with_density)
+    mesh = mesh_path(toy, 3, 4)
+    mesh.write_text(mesh.read_text() + "# scanned again\n")
+    assert load(toy).content_hash not in (before, with_density, with_image)
 
 
 def test_notes_of_a_protocol_are_not_hashed(toy):

@@ -22,6 +22,7 @@ def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
     narrow = text.within(70)
     assert {"solver", "train", "test", "H", "DC err"} <= {column.head for column in narrow.columns}
     assert len(narrow.columns) < len(text.columns)
+    assert narrow.within(70).columns == narrow.columns, "it fits"
 
 
 def test_scores_of_distributions_have_columns_where_rows_have_them(tmp_path):

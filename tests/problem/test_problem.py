@@ -1,5 +1,6 @@
 """The problem: evaluation, metering, budgets, and memory that survives a kill."""
 
+import json
 import math
 import time
 from contextlib import suppress
@@ -175,17 +176,26 @@ class TestBudget:
             spend()
         assert limit - 1 <= problem.meter.forward_equivalents <= limit
 
-    def test_time_is_kept_from_experience(self):
-        problem = toy_problem(budget=Budget(seconds=0.25))
+    def test_time_is_kept_from_experience(self, monkeypatch):
+        """Of 100 s each evaluation takes 30 s: the fourth would end at 120 s and is not begun."""
+        clock, simulate = [0.0], DrapeProblem.simulate
+        monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+
+        def slow(self, taus, warm=None):
+            clock[0] += 30.0 * len(taus)
+            return simulate(self, taus, warm)
+
+        monkeypatch.setattr(DrapeProblem, "simulate", slow)
+        problem = toy_problem(budget=Budget(seconds=100))
+        problem.meter._clock_zero = clock[0]
 
         def spend() -> None:
-            while True:
+            for _ in range(9):
                 problem.evaluate(np.zeros(39))
 
-        with pytest.raises(BudgetExceeded, match="raise --seconds"):
+        with pytest.raises(BudgetExceeded, match=r"90\.0 of 100 s .* takes about 30\.0 s; raise --seconds"):
             spend()
-        trace = problem.meter.trace
-        assert trace[-1].wall_seconds < 0.25 + max(entry.seconds for entry in trace)
+        assert [entry.wall_seconds for entry in problem.meter.trace] == [30, 60, 90]
 
     def test_reserve_is_kept_back_and_given_free(self):
         problem = toy_problem(budget=Budget(3))
@@ -284,9 +294,15 @@ class TestJournal:
         expected = _walk(problem, 2)
         problem.journal.close()
         for name in ("trace.jsonl", "state.bin"):
+            lines = (tmp_path / "trace.jsonl").read_bytes().splitlines(keepends=True)
+            arrays = [8 * sum(map(math.prod, json.loads(line)["arrays"].values())) for line in lines]
             path = tmp_path / name
             path.write_bytes(path.read_bytes()[:-cut])
+            left = path.stat().st_size
+            sound = int((np.cumsum(arrays if name == "state.bin" else list(map(len, lines))) <= left).sum())
             assert _walk(toy_problem(folder=tmp_path), 2) == expected, f"after {name} lost {cut} bytes"
+            again = (tmp_path / "trace.jsonl").read_bytes().splitlines(keepends=True)
+            assert again[:sound] == lines[:sound], "what is sound is not computed again"
 
     def test_another_runs_journal_is_refused(self, tmp_path):
         toy_problem(folder=tmp_path).evaluate(np.zeros(39))

@@ -1,6 +1,6 @@
 """Planning a grid: every cell once, keys that follow what decides the numbers, and what is refused."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 from small_grid import SMALL
@@ -70,6 +70,61 @@ def test_key_follows_whatever_decides_the_numbers(dataset, monkeypatch):
     before = key()
     monkeypatch.setattr("cusick_bench.sim.engine.NUMERICS_VERSION", 99)
     assert key() != before
+
+
+OTHER_SETTINGS = {
+    "space": "field",
+    "vertices": 120,
+    "drape": DrapeSettings(steps=21),
+    "camera": "pinhole",
+    "renderer": "soft",
+    "loss": "profile",
+    "laying": "random",
+    "budget": Budget(9),
+    "causes": ("plate-tilt:angle=2",),
+}
+OTHER_DRAPES = {
+    "law": "published",
+    "mode": "equilibrium",
+    "steps": 21,
+    "step_seconds": 0.04,
+    "gravity": 9.7,
+    "plate_radius": 0.08,
+    "support": "springs",
+    "clamp": "whole",
+    "laying_amplitude": 2e-3,
+    "laying_length": 0.02,
+    "rest_amplitude": 1e-3,
+    "rest_length": 0.02,
+    "tolerance": 1e-8,
+    "iterations": 400,
+    "backend": "splu",
+}
+NOT_ALONE = {"pace", "membrane", "self_contact"}  # of DrapeSettings, which take another law or mode
+SEED = {"seed"}  # replaced by the cell's
+
+
+def test_no_setting_is_left_out_of_the_key(dataset):
+    """Cells that differ in one setting would be taken for each other, and the first one's numbers for both."""
+
+    def key(settings: ProblemSettings) -> str:
+        return plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=settings)[0].key
+
+    assert OTHER_SETTINGS.keys() == {field.name for field in fields(ProblemSettings)}
+    assert OTHER_DRAPES.keys() | NOT_ALONE | SEED == {field.name for field in fields(DrapeSettings)}
+    plate = replace(SMALL, drape=replace(SMALL.drape, law="plate"))
+    resting = replace(SMALL, drape=replace(SMALL.drape, mode="equilibrium"))
+    pairs = {name: (SMALL, replace(SMALL, **{name: value})) for name, value in OTHER_SETTINGS.items()}
+    pairs |= {
+        f"drape.{name}": (whole, replace(whole, drape=replace(whole.drape, **{name: value})))
+        for whole, changed in (
+            (SMALL, OTHER_DRAPES),
+            (plate, {"pace": "brisk", "membrane": "given"}),
+            (resting, {"self_contact": 1e-3}),
+        )
+        for name, value in changed.items()
+    }
+    assert [name for name, (one, other) in pairs.items() if key(one) == key(other)] == []
 
 
 def test_cells_are_named_by_a_mended_clamp_only(dataset):

@@ -112,6 +112,7 @@ class TestKnownScores:
         )
         asked = (ANSWERS, "expected calibration error", CLEAR)
         (figure,) = (f for f in found.figures if (f.method, f.name, f.subset) == asked)
+        assert figure.value == pytest.approx(0.4)
         assert np.isnan(figure.low), "chance adds to it, and once more to what is resampled"
         assert figure.reached == "no"
 

@@ -276,9 +276,12 @@ def test_pictures_taken_twice_are_known_to_their_resolution() -> None:
     emulator, theta = toy_emulator(), PRIOR_MEAN
     expected = expected_features(emulator, theta, 12)
     copies = replace(expected, order_covariance=np.zeros((len(ORDERS), len(ORDERS))), order_freedom=11)
-    rows = noise(emulator, theta, copies, None).covariance[DRIFT, DRIFT]
+    found = noise(emulator, theta, copies, None)
+    rows = found.covariance[DRIFT, DRIFT]
     assert np.isfinite(rows).all()
     assert np.linalg.eigvalsh(rows).min() > 0
+    resolved = np.sqrt(np.diag(rows)) * found.sd[list(ORDERS)] / RESOLUTION[list(ORDERS)]
+    assert ((resolved > 0.25) & (resolved < 1)).all(), "neither exactly nor worse"
 
 
 def test_a_planted_offset_is_found_in_toy_cloths() -> None:
