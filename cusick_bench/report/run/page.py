@@ -213,7 +213,7 @@ def _section(
 
 def _law(cell: pd.Series) -> str:
     """Material law of a cell; that of the paper where its record names none."""
-    return str(flattened(json.loads(cell["settings"])).get("drape.law", "paper"))
+    return str(flattened(json.loads(str(cell["settings"]))).get("drape.law", "paper"))
 
 
 def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:
