@@ -121,6 +121,18 @@ def problems_run(group: pd.DataFrame, skipped: Iterable[Skipped]) -> frozenset[P
     return frozenset(problems)
 
 
+def law_of(cell: pd.Series) -> str:
+    """Material law of a cell.
+
+    Args:
+        cell: Its row of the table of cells.
+
+    Returns:
+        Name of the law; that of the paper where the record of the cell names none.
+    """
+    return str(flattened(json.loads(str(cell["settings"]))).get("drape.law", "paper"))
+
+
 def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested settings as `drape.steps: 100`.
 

@@ -1,6 +1,5 @@
 """One self-contained HTML page of a results folder: leaderboard, and for every solver and cloth what was fitted."""
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from cusick_bench.leaderboard import (
     variants,
 )
 from cusick_bench.leaderboard.cells.commands import command_record, typed
-from cusick_bench.leaderboard.cells.variants import flattened, method_label, of_boards
+from cusick_bench.leaderboard.cells.variants import law_of, method_label, of_boards
 from cusick_bench.leaderboard.text import TextTable
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
@@ -185,7 +184,7 @@ def _section(
         anchor = f"fit-{number}-{len(section.cards)}"
         card = Card(label, str(cell["kind"]), _seeds(of_cloth), numbers(cell), anchor=anchor)
         try:
-            view = load_cell_view(Path(cell["folder"]), protocol, _law(cell))
+            view = load_cell_view(Path(cell["folder"]), protocol, law_of(cell))
         except ReportError as error:
             section.cards.append(replace(card, problem=str(error)))
             continue
@@ -209,11 +208,6 @@ def _section(
         truth = any(line.found.true_bending for line in lines)
         section = replace(section, stiffness=stiffness_picture(cloth, lines), truth=truth)
     return _Drawn(section, models if len(models) > 1 else [], files)
-
-
-def _law(cell: pd.Series) -> str:
-    """Material law of a cell; that of the paper where its record names none."""
-    return str(flattened(json.loads(str(cell["settings"]))).get("drape.law", "paper"))
 
 
 def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:
