@@ -31,6 +31,19 @@ def generator() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
+def clock_of_drapes(monkeypatch: pytest.MonkeyPatch, seconds: float) -> list[float]:
+    """A clock that stands still but for drapes, each of which takes so long; its only entry is the time [s]."""
+    clock, simulate = [0.0], DrapeProblem.simulate
+
+    def slow(self, taus, warm=None):
+        clock[0] += seconds * len(taus)
+        return simulate(self, taus, warm)
+
+    monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(DrapeProblem, "simulate", slow)
+    return clock
+
+
 class TestEvaluation:
     def test_gradient_is_the_derivative(self, generator):
         problem = toy_problem(budget=Budget())
@@ -178,14 +191,7 @@ class TestBudget:
 
     def test_time_is_kept_from_experience(self, monkeypatch):
         """Of 100 s each evaluation takes 30 s: the fourth would end at 120 s and is not begun."""
-        clock, simulate = [0.0], DrapeProblem.simulate
-        monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
-
-        def slow(self, taus, warm=None):
-            clock[0] += 30.0 * len(taus)
-            return simulate(self, taus, warm)
-
-        monkeypatch.setattr(DrapeProblem, "simulate", slow)
+        clock = clock_of_drapes(monkeypatch, 30.0)
         problem = toy_problem(budget=Budget(seconds=100))
         problem.meter._clock_zero = clock[0]
 
@@ -345,14 +351,7 @@ class TestJournal:
 
     def test_a_batch_cut_short_by_time_stays_so_where_the_run_is_stopped_after_it(self, tmp_path, monkeypatch):
         """Of a batch of 12 drapes of 10 s there is time for 9 of 100 s, whether or not the run is then stopped."""
-        clock, simulate = [0.0], DrapeProblem.simulate
-        monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
-
-        def slow(self, taus, warm=None):
-            clock[0] += 10.0 * len(taus)
-            return simulate(self, taus, warm)
-
-        monkeypatch.setattr(DrapeProblem, "simulate", slow)
+        clock = clock_of_drapes(monkeypatch, 10.0)
         taus = np.random.default_rng(0).normal(size=(12, 39))
         for _ in range(2):
             problem = toy_problem(folder=tmp_path, budget=Budget(seconds=100))

@@ -79,13 +79,12 @@ def read_point(path: Path) -> Point:
     Raises:
         BadFile: It is damaged.
     """
-    remedy = _BUILD_AGAIN
-    arrays = read_npz(path, remedy=remedy)
+    arrays = read_npz(path, remedy=_BUILD_AGAIN)
     shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "radii")]
     if shapes != [1, 3] or {arrays[name].dtype.kind for name in ("value", "radii")} != {"f"}:
-        raise BadFile(path, "must hold numbers: `value`, a row, and `radii`, of three dimensions", remedy)
+        raise BadFile(path, "must hold numbers: `value`, a row, and `radii`, of three dimensions", _BUILD_AGAIN)
     if arrays["radii"].shape[2] != ANGLES:
-        raise BadFile(path, f"must hold radii at {ANGLES} angles, got {arrays['radii'].shape[2]}", remedy)
+        raise BadFile(path, f"must hold radii at {ANGLES} angles, got {arrays['radii'].shape[2]}", _BUILD_AGAIN)
     return Point(arrays["value"], statistics_of(arrays["radii"].astype(np.float64)))
 
 

@@ -16,6 +16,7 @@ References:
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -72,7 +73,7 @@ class Residual:
         """
         return solve_triangular(self.root, as_seen(shift, self.single)[:, self.kept].T, lower=True).T
 
-    @property
+    @cached_property
     def variance_of_unit(self) -> float:
         """Mean variance of w's rows where every mean that both faces share is off at random by one sd."""
         unit = np.eye(len(self.root))[:, np.flatnonzero(self.kept) < FACE_EVEN.stop]
