@@ -33,7 +33,7 @@ from cusick_bench.diagnosis.atlas.design import (
 )
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
-from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_design, write_point
+from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, is_made, point_file, read_design, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
@@ -51,7 +51,7 @@ _MOST_SIMULATORS = 40
 def build(
     folder: Path, design: Design, *, workers: int = 1, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> None:
-    """Makes all points that are not there yet.
+    """Makes all points that are not there yet, or that other versions of the code have made.
 
     Args:
         folder: Where the atlas is made; created.
@@ -61,11 +61,12 @@ def build(
 
     Raises:
         DiagnosisError: The folder holds an atlas of another design.
+        BadFile: A point's file is damaged.
     """
     folder.mkdir(parents=True, exist_ok=True)
     _check_design(folder, design)
     tasks = design.tasks()
-    open_tasks = [task for task in tasks if not point_file(folder, *task).exists()]
+    open_tasks = [task for task in tasks if not is_made(point_file(folder, *task))]
     done = len(tasks) - len(open_tasks)
     progress(done, len(tasks))
     fabrics = [(point, [name for _, name in group]) for point, group in groupby(open_tasks, key=lambda task: task[0])]

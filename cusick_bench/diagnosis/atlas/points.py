@@ -2,6 +2,7 @@
 
 import os
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -13,11 +14,13 @@ from cusick_bench.diagnosis.atlas.design import Design, at_fine
 from cusick_bench.diagnosis.atlas.observation import ANGLES, statistics_of
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.files import BadFile, read_json_object, read_npz
+from cusick_bench.runner.numerics import drape_numerics, raised_versions
 from cusick_bench.sim.effects import registered
 
 DESIGN_FILE = "design.json"
 _MOST = 1_000_000
 """Largest number of a design."""
+_CODE = "code"
 _BUILD_AGAIN = "delete it and repeat `cusick-bench atlas build`"
 
 
@@ -32,6 +35,46 @@ class Point:
 
     value: Float[ndarray, "effect_parameters"]
     statistics: Float[ndarray, "samples sides statistics"]
+
+
+def code_of_point(name: str) -> str:
+    """Versions of the code that decides a point, as text.
+
+    Args:
+        name: Effect, or `BASE` and the like.
+
+    Returns:
+        Text such as `engine 2, law paper 1, law plate 1, renderer 1`.
+    """
+    effect = registered().get(name.removesuffix(at_fine("")))
+    versions = {}
+    for law in ("paper", "plate"):  # of cheap drapes, and of fine ones
+        versions |= drape_numerics(law, with_effects=effect is not None)
+    if effect is not None:
+        versions |= raised_versions("effect", [effect])
+    return ", ".join(f"{part} {version}" for part, version in sorted(versions.items()))
+
+
+def is_made(path: Path) -> bool:
+    """Whether a point is there, made by the present versions of the code.
+
+    Args:
+        path: The point's file.
+
+    Returns:
+        False where it has yet to be made, or to be made again.
+
+    Raises:
+        BadFile: It is damaged.
+    """
+    if not path.exists():
+        return False
+    arrays = read_npz(path, remedy=_BUILD_AGAIN, wanted=lambda name: name == _CODE)
+    return _code_of(arrays) == code_of_point(path.stem)
+
+
+def _code_of(arrays: Mapping[str, ndarray]) -> str:
+    return str(arrays.get(_CODE, ""))
 
 
 def point_file(folder: Path, point: int, name: str) -> Path:
@@ -53,7 +96,7 @@ def write_point(
 ) -> None:
     """Writes a point's file, which appears whole or not at all.
 
-    It holds silhouettes, so that statistics can be chosen when the drapes are made.
+    It holds silhouettes, so that statistics can be chosen when the drapes are made, and the versions of the code.
 
     Args:
         path: The file; its folder is created.
@@ -63,7 +106,7 @@ def write_point(
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(f".{os.getpid()}.tmp")
     with open(partial, "wb") as file:
-        np.savez(file, value=value, radii=radii.astype(np.float32))
+        np.savez(file, value=value, radii=radii.astype(np.float32), **{_CODE: np.array(code_of_point(path.stem))})
     partial.replace(path)
 
 
@@ -77,9 +120,12 @@ def read_point(path: Path) -> Point:
         The point.
 
     Raises:
-        BadFile: It is damaged.
+        BadFile: It is damaged, or made by other versions of the code.
     """
     arrays = read_npz(path, remedy=_BUILD_AGAIN)
+    if _code_of(arrays) != code_of_point(path.stem):
+        what = f"must be made by the present code ({code_of_point(path.stem)}), got {_code_of(arrays) or 'older code'}"
+        raise BadFile(path, what, "repeat `cusick-bench atlas build`, which makes it again")
     shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "radii")]
     if shapes != [1, 3] or {arrays[name].dtype.kind for name in ("value", "radii")} != {"f"}:
         raise BadFile(path, "must hold numbers: `value`, a row, and `radii`, of three dimensions", _BUILD_AGAIN)

@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
 from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_point, read_points, write_point
+from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, is_made, point_file, read_point, read_points, write_point
 from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
 from cusick_bench.diagnosis.errors import DiagnosisError
@@ -24,6 +24,7 @@ from cusick_bench.diagnosis.inference.residuals.residual import against_base
 from cusick_bench.diagnosis.measure.features import SPREADS, features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.files import BadFile
+from cusick_bench.sim import engine
 from cusick_bench.sim.effects import Parameter, Values, registered
 from cusick_bench.sim.effects.imaging.camera_scale import CameraScale
 from cusick_bench.sim.setup import Setup
@@ -187,6 +188,29 @@ def test_points_of_an_effect_that_has_changed_are_refused(tmp_path: Path) -> Non
     _made_up_points(tmp_path / "a", "camera-offset", np.array([0.001]), 1)
     with pytest.raises(BadFile, match=r"camera-offset.npz: .*parameters of camera-offset, 2, got 1.*delete it"):
         read_points(tmp_path / "a")
+
+
+def test_points_of_other_code_are_refused_and_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_thread: None
+) -> None:
+    build(tmp_path, SMALL)
+    effect = registered()["camera-scale"]
+    scaled = point_file(tmp_path, 0, "camera-scale")
+    make_points(tmp_path, SMALL, 0, [scaled.stem])
+    assert is_made(scaled)
+    monkeypatch.setattr(type(effect), "version", effect.version + 1)
+    assert not is_made(scaled)
+    with pytest.raises(BadFile, match=r"camera-scale.npz: must be made by .* \(.*effect camera-scale 2.*"):
+        read_point(scaled)
+    assert len(read_points(tmp_path)[1][BASE]) == SMALL.points, "the base has no effect"
+
+    monkeypatch.setattr(engine, "NUMERICS_VERSION", engine.NUMERICS_VERSION + 1)
+    with pytest.raises(BadFile, match="repeat `cusick-bench atlas build`"):
+        read_points(tmp_path)
+    told: list[tuple[int, int]] = []
+    build(tmp_path, SMALL, progress=lambda done, total: told.append((done, total)))
+    assert told == [(0, 2), (1, 2), (2, 2)]
+    assert len(read_points(tmp_path)[1][BASE]) == SMALL.points
 
 
 def test_a_fit_says_what_it_leaves_out(tmp_path: Path) -> None:
