@@ -4,6 +4,7 @@ A folder is made before long work, which so ends at once where it cannot be writ
 empty.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
@@ -90,7 +91,8 @@ def outside_package(value: Any) -> Any:
         typer.BadParameter: A path lies in the installed package.
     """
     for path in value if isinstance(value, Iterable) and not isinstance(value, str) else [value]:
-        if isinstance(path, Path) and path.expanduser().resolve().is_relative_to(PACKAGE):
+        # `Path.resolve` raises where links go round in circles
+        if isinstance(path, Path) and Path(os.path.realpath(path)).is_relative_to(PACKAGE):
             raise typer.BadParameter(
                 f"{path} lies in the installed package, which no command writes to; give a path outside of {PACKAGE}"
             )

@@ -17,7 +17,7 @@ from pathlib import Path
 from cusick_bench import __version__
 from cusick_bench.datasets import REGISTRY, DrapeDataset
 from cusick_bench.export.errors import ExportError
-from cusick_bench.export.written import fill, literal, require_new, write_texts
+from cusick_bench.export.written import fill, literal, require_new, write_files
 from cusick_bench.runner import ProblemSettings, Source, load_once
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import entry_point_of, make_solver
@@ -54,7 +54,7 @@ def write_benchmark(
         CusickError: An unknown solver, or data that cannot be read.
     """
     require_new(folder, "a benchmark")
-    return write_texts(_texts(folder, solvers, data, settings or ProblemSettings(), command))
+    return write_files(_texts(folder, solvers, data, settings or ProblemSettings(), command))
 
 
 def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSettings, command: str) -> dict[Path, str]:

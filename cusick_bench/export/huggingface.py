@@ -24,7 +24,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.registry import registered_in
 from cusick_bench.datasets.splits import paper_cloths
 from cusick_bench.export.errors import ExportError
-from cusick_bench.export.written import fill, literal, require_new
+from cusick_bench.export.written import fill, literal, require_new, write_files
 from cusick_bench.files.table_file import require_pyarrow
 
 if TYPE_CHECKING:
@@ -62,15 +62,14 @@ def write_huggingface(dataset: DrapeDataset, folder: Path, *, command: str = "cu
         MissingLibrary: pyarrow is not installed.
         DataError: An image cannot be read.
     """
-    require_pyarrow(str(folder))
+    require_pyarrow("a data set for Hugging Face")
     require_new(folder, "a data set")
     if not len(dataset):
         raise ExportError(f"{dataset.name} has no silhouette to write; see `cusick-bench data audit`")
     content = _parquet(_table(dataset))
-    card = _card(dataset, command)
-    (folder / "data").mkdir(parents=True, exist_ok=True)
-    (folder / "data" / "train-00000-of-00001.parquet").write_bytes(content)
-    (folder / "README.md").write_text(card, encoding="utf-8")
+    write_files(
+        {folder / "data" / "train-00000-of-00001.parquet": content, folder / "README.md": _card(dataset, command)}
+    )
     return len(dataset)
 
 

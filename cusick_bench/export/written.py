@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,23 +26,39 @@ def require_new(folder: Path, what: str) -> None:
         raise ExportError(f"{what} is written into a new folder, and {folder} is there already; give another one")
 
 
-def write_texts(texts: Mapping[Path, str]) -> list[Path]:
-    """Writes files as UTF-8; bytes of a path that are no UTF-8 are written as Python's escapes.
+def write_files(files: Mapping[Path, str | bytes]) -> list[Path]:
+    """Writes the files of a new folder: all of them, or none where one cannot be written.
+
+    Text is written as UTF-8; bytes of a path that are no UTF-8 are written as Python's escapes.
 
     Args:
-        texts: What to write, by path; folders are made.
+        files: What to write, by path; folders are made.
 
     Returns:
         The paths.
     """
-    for path, text in texts.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", errors="backslashreplace")
-    return list(texts)
+    contents = {
+        path: content if isinstance(content, bytes) else content.encode(errors="backslashreplace")
+        for path, content in files.items()
+    }
+    new = {folder for path in contents for folder in path.parents if not folder.exists()}
+    try:
+        for path, content in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+    except BaseException:
+        with suppress(OSError):
+            for path in contents:
+                path.unlink(missing_ok=True)
+            for folder in sorted(new, reverse=True):  # what lies in a folder comes before it
+                if folder.exists():
+                    folder.rmdir()
+        raise
+    return list(contents)
 
 
 def literal(value: str | Sequence[str]) -> str:
-    """Text in double quotes, as Python and YAML read it in a file of `write_texts`.
+    """Text in double quotes, as Python and YAML read it in a file of `write_files`.
 
     JSON's own escapes are no help: of a character such as an emoji they make two, which neither joins.
 

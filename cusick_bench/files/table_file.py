@@ -16,11 +16,12 @@ class MissingLibrary(CusickError):
     """An optional library is not installed; the message names the extra."""
 
 
-def require_pyarrow(what: str) -> None:
+def require_pyarrow(what: str, *, instead: str = "") -> None:
     """Makes sure, before any work, that Parquet can be written.
 
     Args:
         what: What needs it, for the message.
+        instead: What else the user can do, where there is anything.
 
     Raises:
         MissingLibrary: pyarrow is not installed.
@@ -28,9 +29,8 @@ def require_pyarrow(what: str) -> None:
     try:
         import pyarrow  # noqa: F401
     except ImportError as error:
-        raise MissingLibrary(
-            f"{what} needs pyarrow; install it with `pip install 'cusick-bench[parquet]'`, or write .csv"
-        ) from error
+        remedy = "install it with `pip install 'cusick-bench[parquet]'`" + (f", or {instead}" if instead else "")
+        raise MissingLibrary(f"{what} needs pyarrow; {remedy}") from error
 
 
 def table_bytes(table: "DataFrame", path: Path) -> bytes:
@@ -50,7 +50,7 @@ def table_bytes(table: "DataFrame", path: Path) -> bytes:
         from cusick_bench.files.csv_text import csv_text
 
         return csv_text(table).encode()
-    require_pyarrow(str(path))
+    require_pyarrow(str(path), instead="write .csv")
     buffer = BytesIO()
     table.apply(_one_type).to_parquet(buffer, index=False, engine="pyarrow", compression="zstd")
     return buffer.getvalue()

@@ -52,6 +52,22 @@ def test_a_baseline_is_not_written_into_the_package(tmp_path):
     assert not (PACKAGE / "new.csv").exists()
 
 
+def test_links_that_go_round_in_circles_end_in_a_message(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    words = ["export", "benchopt", str(tmp_path / "loop" / "bench"), "--solver", "null:disc"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 2, result.exception
+    assert "choose another folder" in result.stderr
+
+
+def test_a_name_that_begins_with_a_tilde_is_a_name(tmp_path, monkeypatch):
+    """Shells put a home in its place where there is one; of a user that is unknown it had ended in a traceback."""
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["export", "benchopt", "~no-such-user/bench", "--solver", "null:disc"])
+    assert result.exit_code == 0, result.exception
+    assert (tmp_path / "~no-such-user" / "bench" / "objective.py").is_file()
+
+
 def test_a_link_into_the_package_is_followed(tmp_path):
     (tmp_path / "link").symlink_to(PACKAGE / "diagnosis")
     result = CliRunner().invoke(app, ["atlas", "build", "--out", str(tmp_path / "link" / "points")])

@@ -1,8 +1,10 @@
 """A data set in the form of Hugging Face's `datasets`: read back by pyarrow, and by that library where it is."""
 
+import errno
 import importlib.util
 import io
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -18,6 +20,7 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.export.errors import ExportError
 from cusick_bench.export.huggingface import COLUMNS, write_huggingface
+from cusick_bench.files.table_file import MissingLibrary
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -132,6 +135,33 @@ def test_the_command_writes_the_shipped_set_under_its_licence(tmp_path: Path):
     card = (tmp_path / "new" / "README.md").read_text(encoding="utf-8")
     assert "\nlicense: apache-2.0\n" in card
     assert "Do not publish" not in card
+
+
+def test_the_card_holds_a_command_that_is_no_text(tmp_path: Path, toy_data: Path):
+    """The folder's name may be of bytes that are no UTF-8."""
+    write_huggingface(load(toy_data), tmp_path / "out", command=os.fsdecode(b"export huggingface caf\xe9"))
+    assert "`export huggingface caf\\udce9`" in (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+
+
+def test_a_disk_that_is_full_leaves_nothing_in_the_way(tmp_path: Path, toy_data: Path, monkeypatch: pytest.MonkeyPatch):
+    with monkeypatch.context() as full:
+        full.setattr(Path, "write_bytes", _half)
+        with pytest.raises(OSError, match="No space left"):
+            write_huggingface(load(toy_data), tmp_path / "new" / "out")
+    assert not (tmp_path / "new").exists()
+    write_huggingface(load(toy_data), tmp_path / "new" / "out")
+
+
+def _half(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content[: len(content) // 2])
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_without_the_library_nothing_else_is_advised(tmp_path: Path, toy_data: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingLibrary, match=r"cusick-bench\[parquet\]'`$"):
+        write_huggingface(load(toy_data), tmp_path / "out")
 
 
 def test_a_folder_with_files_is_left_alone(tmp_path: Path, toy_data: Path):

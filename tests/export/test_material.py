@@ -243,6 +243,23 @@ def test_what_cannot_be_asked_for_is_refused(program: str, edge_length: float | 
     assert not (tmp_path / "out").exists()
 
 
+def test_an_interruption_leaves_nothing_in_the_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "out").mkdir()  # an empty folder stays
+    write = Path.write_bytes
+
+    def interrupted(path: Path, content: bytes) -> int:
+        if path.name == "README.md":
+            raise KeyboardInterrupt
+        return write(path, content)
+
+    with monkeypatch.context() as stopped:
+        stopped.setattr(Path, "write_bytes", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write_material(tmp_path / "out", FABRIC, "newton")
+    assert list((tmp_path / "out").iterdir()) == []
+    assert len(write_material(tmp_path / "out", FABRIC, "newton")) == 3
+
+
 @pytest.fixture
 def cell(toy_data: Path, tmp_path: Path) -> Path:
     tables = {"stretch": np.tile([150.0, 1.0, 150.0, 60.0], (6, 1)), "bending": np.full((3, 5), 2e-5)}

@@ -42,6 +42,13 @@ def test_without_the_library_the_message_names_the_extra(tmp_path, monkeypatch):
         table_bytes(pd.DataFrame({"a": [1]}), tmp_path / "a.parquet")
 
 
+def test_without_the_library_a_table_may_be_csv(folder, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    found = CliRunner().invoke(app, ["leaderboard", str(folder), "--out", str(tmp_path / "a.parquet")])
+    assert found.exit_code == 2
+    assert found.stderr.endswith(", or write .csv\n")
+
+
 def test_text_that_a_spreadsheet_would_run_is_guarded_in_csv_only(tmp_path):
     pytest.importorskip("pyarrow")
     table = pd.DataFrame({"cloth": ["=1+1"]})

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -79,6 +80,14 @@ def test_pixels_that_a_rim_crosses_take_a_sixth_of_a_pixel_off_the_error(pixels,
     rims = 2 * np.pi * (0.12 + 0.1) * 723 * pixels
     assert mse(*images) == pytest.approx(plane - rims / 6 / count**2, rel=2e-3)
     assert 1 - mse(*images) / plane == pytest.approx(missing, abs=1e-3)
+
+
+def test_images_that_carry_a_gradient_are_compared():
+    """As `render` gives them of a cloth that is fitted."""
+    image = torch.from_numpy(disc()).requires_grad_()
+    assert mse(image, disc(130.5)) == mse(disc(), disc(130.5))
+    assert iou(disc(130.5), image) == iou(disc(130.5), disc())
+    assert mse_pairs(image[None], image[None]) == 0
 
 
 def test_images_of_other_size_or_with_nan_are_refused():

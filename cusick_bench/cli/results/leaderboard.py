@@ -73,7 +73,7 @@ def leaderboard(
             if path.suffix not in forms:
                 raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(forms)}")
             if path.suffix == ".parquet":
-                require_pyarrow(str(path))
+                require_pyarrow(str(path), instead="write .csv")
     cells = load_cells(folder)
     with progress_bar("ranking"):
         boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)

@@ -11,7 +11,7 @@ from cusick_bench.export.material.clo import CLO, MARVELOUS
 from cusick_bench.export.material.fabric import FabricMaterial
 from cusick_bench.export.material.newton import NEWTON
 from cusick_bench.export.material.program import Program
-from cusick_bench.export.written import fill, require_new, write_texts
+from cusick_bench.export.written import fill, require_new, write_files
 
 PROGRAMS: dict[str, Program] = {program.name: program for program in (BLENDER, NEWTON, MARVELOUS, CLO)}
 """Programs that materials are written for."""
@@ -53,7 +53,7 @@ def write_material(
         "material/README.md", fabric=fabric, program=chosen, rows=_rows(fabric), curves=_curves(fabric),
         command=command, version=__version__,
     )  # fmt: skip
-    return write_texts({folder / name: text for name, text in texts.items()})
+    return write_files({folder / name: text for name, text in texts.items()})
 
 
 def _rows(fabric: FabricMaterial) -> list[tuple[str, str, str, str]]:

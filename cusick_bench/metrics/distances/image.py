@@ -14,6 +14,7 @@ then an image would not have the distance 0 from itself, and the last digit woul
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -41,7 +42,7 @@ def mse(image: ArrayLike, target: ArrayLike, protocol: Protocol = RELEASE) -> fl
     Raises:
         MetricError: The images differ in size, have no pixels, or hold values that are not finite.
     """
-    return float(mse_pairs(np.asarray(image)[None], np.asarray(target)[None], protocol)[0, 0])
+    return float(mse_pairs(_array(image)[None], _array(target)[None], protocol)[0, 0])
 
 
 def iou(image: ArrayLike, target: ArrayLike) -> float:
@@ -57,7 +58,7 @@ def iou(image: ArrayLike, target: ArrayLike) -> float:
     Raises:
         MetricError: The images differ in size, have no pixels, or hold values that are not finite.
     """
-    return float(iou_pairs(np.asarray(image)[None], np.asarray(target)[None])[0, 0])
+    return float(iou_pairs(_array(image)[None], _array(target)[None])[0, 0])
 
 
 def mse_pairs(images: ArrayLike, targets: ArrayLike, protocol: Protocol = RELEASE) -> Float[ndarray, "images targets"]:
@@ -122,7 +123,7 @@ def cloth(images: Float[ndarray, "*shape"]) -> Bool[ndarray, "*shape"]:
 
 
 def _pairs(images: ArrayLike, targets: ArrayLike, compare: Callable[[ndarray, ndarray], ndarray]) -> ndarray:
-    first, second = np.asarray(images), np.asarray(targets)
+    first, second = _array(images), _array(targets)
     if first.ndim != 3 or second.ndim != 3 or first.shape[1:] != second.shape[1:]:
         raise MetricError(f"silhouettes must be stacks of one size, got shapes {first.shape} and {second.shape}")
     if 0 in first.shape[1:]:
@@ -130,6 +131,11 @@ def _pairs(images: ArrayLike, targets: ArrayLike, compare: Callable[[ndarray, nd
     flat_targets = _coverage(second)
     rows = [compare(_coverage(first[at : at + _CHUNK]), flat_targets) for at in range(0, len(first), _CHUNK)]
     return np.concatenate(rows) if rows else np.zeros((0, len(second)))
+
+
+def _array(images: Any) -> ndarray:
+    """Images as an array; those of tensors may carry a gradient, or lie on a device."""
+    return images.detach().cpu().numpy() if hasattr(images, "detach") else np.asarray(images)
 
 
 def _coverage(stack: ndarray) -> ndarray:
