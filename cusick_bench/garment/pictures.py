@@ -1,7 +1,7 @@
 """Pictures of skirts: from the side in three dimensions, all the way round, and in motion.
 
 The scene is that of a drape (`cusick_bench.report.drawing.drape_view`): a skirt is drawn scaled down to its size, with
-the body instead of the pedestal.
+the body instead of the pedestal. One that is wide for its length, or sways far, is scaled down further.
 """
 
 from collections.abc import Sequence
@@ -19,9 +19,22 @@ from cusick_bench.report.drawing.drape_view import View, cloth_colour, render_dr
 
 _DROP = 0.088  # [m] length of the skirt in the scene; the ground lies a little deeper
 _GROUND = 0.095  # [m] below the waist in the scene
+_WIDEST = 0.105  # [m] from the axis in the scene; what is farther away may lie outside of the picture
 _THINNER = 0.93  # of the body's radius, or it would show through the cloth between its vertices
 _SIDES = 72
 SIDE = View(azimuth=-68.0, elevation=14.0, distance=0.80, width=320, height=256, fov=12.5, target=-0.051)
+
+
+def reach(positions: Float[ndarray, "*skirts vertices 3"]) -> float:
+    """How far the vertices of any of several skirts are from the axis.
+
+    Args:
+        positions: Positions of the vertices [m].
+
+    Returns:
+        The largest distance [m].
+    """
+    return float(np.hypot(positions[..., 0], positions[..., 1]).max())
 
 
 def draw_skirt(
@@ -31,6 +44,7 @@ def draw_skirt(
     body: Body | None = None,
     view: View = SIDE,
     pose: tuple[Float[ndarray, "3 3"], Float[ndarray, "3"]] | None = None,
+    farthest: float | None = None,
 ) -> UInt8[ndarray, "height width 4"]:
     """Draws a skirt in three dimensions.
 
@@ -41,11 +55,13 @@ def draw_skirt(
         body: What it is worn on; without one only the waist's disc is drawn.
         view: Point of view.
         pose: Rotation and shift of the waist [m].
+        farthest: `reach` of all skirts that are drawn to one scale [m]; by default of this one.
 
     Returns:
         The picture, with an opacity channel.
     """
-    scale = _DROP / skirt.size.length
+    widest = max(reach(positions) if farthest is None else farthest, 0.0 if body is None else body.hip)
+    scale = min(_DROP / skirt.size.length, _WIDEST / widest)
     rotation, shift = pose or (np.eye(3), np.zeros(3))
     points, faces = _stand(body, skirt.size.waist, _GROUND / scale)
     return render_drape(

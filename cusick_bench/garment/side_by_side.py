@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
-from cusick_bench.garment.pictures import draw_skirt
+from cusick_bench.garment.pictures import draw_skirt, reach
 from cusick_bench.garment.wearing import Worn
 from cusick_bench.report.figures.sheet import empty_sheet
 
@@ -60,15 +60,18 @@ def save_side_by_side(worn: Sequence[Worn], path: Path, progress: Callable[[int]
         raise GarmentError("there is no cloth to show; give a run with at least one fit of a simulated cloth")
     moving = all(len(one.times) for one in worn)
     rows = 1 + (MOMENTS if moving else 0)
+    shown = [x for one in worn for x in (one.positions[:1], *([one.frames[:, 0]] if moving else []))]
+    farthest = max(map(reach, shown))
     heights = {"height_ratios": [1.3, *[1.0] * (rows - 1)]}
     figure, axes = empty_sheet(_COLUMN * len(worn) + 0.3, _ROW * rows + _WORDS, rows, len(worn), gridspec_kw=heights)
     for column, (one, numbers) in enumerate(zip(worn, compared(worn), strict=True)):
-        _show(axes[0, column], draw_skirt(one.pattern, one.positions[0], one.cloth.name, one.wearing.body))
-        axes[0, column].set_title(one.cloth.name, fontsize=9, parse_math=False)
+        skirt, name, body = one.pattern, one.cloth.name, one.wearing.body
+        _show(axes[0, column], draw_skirt(skirt, one.positions[0], name, body, farthest=farthest))
+        axes[0, column].set_title(name, fontsize=9, parse_math=False)
         _words_below(axes[0, column], _described(numbers))
         for row, moment in enumerate(_moments(one) if moving else (), 1):
             pose = one.wearing.motion.pose(one.times[moment]) if one.wearing.motion else None
-            picture = draw_skirt(one.pattern, one.frames[moment, 0], one.cloth.name, one.wearing.body, pose=pose)
+            picture = draw_skirt(skirt, one.frames[moment, 0], name, body, pose=pose, farthest=farthest)
             _show(axes[row, column], picture)
             _words_below(axes[row, column], f"{one.times[moment]:.2f} s")
         progress(column + 1)

@@ -13,6 +13,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from cusick_bench.cli import COMMANDS, PANELS, app
+from cusick_bench.garment.skirt import MINIMUM_VERTICES
 
 WIDE = {"COLUMNS": "400", "TERMINAL_WIDTH": "400"}
 
@@ -49,6 +50,12 @@ def test_a_command_and_its_options_say_what_they_are(path):
 def test_units_stand_as_they_were_written(path):
     units = set(re.findall(r"\[(?:kg/m2|N/m|N m|m|s)\]", page(*path)))
     assert units >= {"[kg/m2]", "[N m]", "[N/m]", "[m]"}
+
+
+@pytest.mark.parametrize("name", ["skirt", "compare"])
+def test_the_least_vertices_of_a_skirt_are_those_of_its_help_page(name):
+    (option,) = (one for one in EVERY["garment", name].params if one.opts[0] == "--vertices")
+    assert f"{MINIMUM_VERTICES} or more" in option.help
 
 
 def _options(command):

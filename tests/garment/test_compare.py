@@ -150,6 +150,47 @@ def test_a_cell_that_was_edited_is_left_out_with_a_note(run: Path):
     assert "Left out, damaged: homo on stiff, seed 0 (homo-stiff-0): result.json is not what" in result.stderr
 
 
+def test_where_samples_are_left_out_in_turn_the_first_split_of_every_cloth_is_compared(tmp_path: Path):
+    """Else the order of hashes would decide which split of a cloth is shown beside which split of another."""
+    for cloth, hashes in {"blue": "ab", "red": "dc"}.items():
+        for left_out, (name, bending) in enumerate(zip(hashes, (1e-5, 1e-3), strict=True)):
+            _cell(tmp_path, "homo", cloth, bending, test=[left_out])
+            (tmp_path / "cells" / f"homo-{cloth}-0").rename(tmp_path / "cells" / name)
+    blue, red = json.loads(_compare(str(tmp_path), *STILL, "--json").stdout)["cloths"]
+    assert red == blue | {"cloth": "red"}
+
+
+def test_a_cloth_whose_fit_failed_or_has_not_finished_is_left_out_with_a_note(run: Path):
+    for cloth, solver in (("torn", "homo"), ("half", "homo"), ("stiff", "heter"), ("torn", "null:disc")):
+        _cell(run, solver, cloth, 1e-5)
+        folder = run / "cells" / f"{solver}-{cloth}-0".replace(":", "_")
+        (folder / "done").unlink()
+        if cloth != "half":
+            result = json.loads((folder / "result.json").read_text()) | {"status": "failed", "failure": "it tore"}
+            (folder / "result.json").write_text(json.dumps(result))
+    result = _compare(str(run), *STILL)
+    assert result.exit_code == 0, result.output
+    notes = [line.partition(" (")[0] for line in result.stderr.splitlines() if line.startswith("Left out")]
+    assert notes == ["Left out, unfinished: homo on half, seed 0", "Left out, failed: homo on torn, seed 0"]
+
+
+def test_an_interrupted_comparison_says_what_it_leaves_and_leaves_nothing_of_an_earlier_one(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+):
+    assert _compare(str(run), *STILL).exit_code == 0
+    (run / "garments" / "notes.txt").write_text("mine")
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cusick_bench.garment.side_by_side.save_side_by_side", interrupted)
+    result = _compare(str(run), *STILL, "--seed", "1")
+    assert result.exit_code == 130
+    assert f"interrupted: what was ready is in {run / 'garments'}" in result.stderr
+    assert {path.name for path in (run / "garments").iterdir()} == {"garments.json", "notes.txt"}
+    assert json.loads((run / "garments" / "garments.json").read_text())["seed"] == 1
+
+
 def test_a_run_without_any_simulated_cloth_is_refused(tmp_path: Path):
     _cell(tmp_path, "null:disc", "limp", None)
     result = _compare(str(tmp_path), *SMALL)

@@ -10,7 +10,9 @@ from typer.testing import CliRunner
 from worn_skirts import learned_posterior, skirt_cell
 
 from cusick_bench.cli import app
+from cusick_bench.garment import Body
 from cusick_bench.garment.output import write_rest
+from cusick_bench.garment.pictures import draw_skirt, reach
 from cusick_bench.garment.skirt import SkirtSize, circular_skirt
 from cusick_bench.sim.cloth.obj import read_obj
 
@@ -99,6 +101,7 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         (["--from", "nowhere", "--stretch", "300"], "--stretch is about a cloth given by numbers; leave it out"),
         (["--from", "nowhere", "--shear", "60"], "--shear is about a cloth given by numbers"),
         ([*NUMBERS, "--dynamic", "--period", "0"], "period and duration > 0"),
+        ([*NUMBERS, "--dynamic", "--period", "0.04"], "period of the waist's motion must be at least 0.2 s"),
         ([*NUMBERS, "--laying-height", "5"], "the laying height must be from 0 to 0.1 m, got 5"),
         ([*NUMBERS, "--laying-height", "-0.01"], "the laying height must be from 0 to 0.1 m, got -0.01"),
         (
@@ -131,3 +134,29 @@ def test_the_turntable_may_have_few_pictures(tmp_path: Path, pictures: int, in_s
     write_rest(tmp_path, skirt, skirt.start[None], "blue", None, pictures=pictures)
     with Image.open(tmp_path / "turntable.png") as strip, Image.open(tmp_path / "draw_0000.png") as one:
         assert strip.size == (in_strip * one.width, one.height)
+
+
+@pytest.mark.parametrize(
+    ("size", "hip", "sway"),
+    [(SkirtSize(0.11, 0.1), 0.13, 0.0), (SkirtSize(0.4, 0.3), 0.0, 0.0), (SkirtSize(0.11, 0.3), 0.6, 0.0),
+     (SkirtSize(0.11, 0.3), 0.13, 0.5)],
+)  # fmt: skip
+def test_a_skirt_that_is_wide_or_sways_far_stands_whole_in_its_picture(size: SkirtSize, hip: float, sway: float):
+    skirt = circular_skirt(size, 200)
+    shift = np.array([sway, 0.0, 0.0])
+    body = Body(size.waist, hip) if hip else None
+    picture = draw_skirt(skirt, skirt.start + shift, "blue", body, pose=(np.eye(3), shift))
+    opaque = picture[..., 3] == 255
+    assert opaque.any()
+    assert not opaque[[0, -1]].any()
+    assert not opaque[:, [0, -1]].any()
+
+
+def test_skirts_that_are_drawn_together_have_one_scale():
+    skirt = circular_skirt(SkirtSize(length=0.3), 200)
+    narrow = skirt.start * [0.5, 0.5, 1]
+    alone, beside_wide, beside_farthest = (
+        (draw_skirt(skirt, narrow, "blue", farthest=farthest)[..., 3] == 255).any(0).sum()
+        for farthest in (None, reach(skirt.start), 2 * reach(skirt.start))
+    )
+    assert alone > beside_wide > 1.5 * beside_farthest

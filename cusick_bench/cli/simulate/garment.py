@@ -18,7 +18,6 @@ from cusick_bench.cli.options import (
     Json,
     LawName,
     Seed,
-    Vertices,
     bending_stiffnesses,
     checked_density,
     cloth_option,
@@ -40,6 +39,7 @@ from cusick_bench.cli.simulate.garment_options import (
     Motion,
     Period,
     Shear,
+    SkirtVertices,
     Stretch,
     WaistRadius,
     motion_option,
@@ -52,7 +52,10 @@ from cusick_bench.garment import GarmentError
 from cusick_bench.runner.store import disk_errors, write_json
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from cusick_bench.garment import Cloth
+    from cusick_bench.leaderboard import Cells
 
 
 app = typer.Typer(help="Skirts from a digitised cloth.", no_args_is_help=True)
@@ -86,7 +89,7 @@ def skirt(
     duration: Duration = None,
     draws: Draws = 4,
     laying_height: LayingHeight = 0.01,
-    vertices: Vertices = 2500,
+    vertices: SkirtVertices = 2500,
     law: Annotated[
         LawName | None,
         simulation_option(
@@ -151,7 +154,7 @@ def compare(
     duration: Duration = None,
     draws: Draws = 4,
     laying_height: LayingHeight = 0.01,
-    vertices: Vertices = 2500,
+    vertices: SkirtVertices = 2500,
     waist: WaistRadius = 0.11,
     length: Length = 0.35,
     hem: HemRadius = None,
@@ -165,9 +168,10 @@ def compare(
     """Simulate the same skirt, with the same motion, of every cloth of a run, and show them side by side.
 
     Writes side_by_side.png (at rest, and at three moments of the motion), garments.html (skirts that can be turned in
-    3D) and garments.json. If there are several seeds, the first is used.
+    3D) and garments.json. If there are several seeds, or splits of a cloth's samples, the first is used.
     """
     from cusick_bench.garment import cloth_of_cell
+    from cusick_bench.garment.output import forget_comparison
     from cusick_bench.garment.page import write_page
     from cusick_bench.garment.side_by_side import compared, save_side_by_side
     from cusick_bench.garment.wearing import wear
@@ -198,7 +202,12 @@ def compare(
         "motion": None if moving is None else asdict(moving), "skirts": [one.document() for one in worn],
         "seconds": time.perf_counter() - clock,
     }  # fmt: skip
-    with disk_errors(folder), progress_bar("drawing", len(worn)) as bar:
+    with (
+        disk_errors(folder),
+        progress_bar("drawing", len(worn)) as bar,
+        interruptible(f"what was ready is in {folder}"),
+    ):
+        forget_comparison(folder)
         write_json(folder / "garments.json", document)
         save_side_by_side(worn, folder / "side_by_side.png", bar.show)
         write_page(worn, folder / "garments.html")
@@ -210,13 +219,13 @@ def compare(
 
 
 def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
-    """Folder of the first seed's cell of every cloth, by cloth, and by solver where there are several."""
+    """Folder of every cloth's cell of the first split and seed, by cloth, and by solver where there are several."""
     from cusick_bench.leaderboard import load_cells
     from cusick_bench.leaderboard.cells.variants import BOARD, method_label, variants
 
     cells = load_cells(run)
     tell_damaged(cells)
-    table = cells.table.sort_values(["cloth", "solver", "seed"])
+    table = cells.table.sort_values(["cloth", "solver", "repeat"])
     fitted = table.loc[table["stiffness"].notna()]
     names = sorted(set(fitted["solver"]))
     if not names:
@@ -236,8 +245,17 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
             "into a results folder of their own (`run --out`)"
         )
     own = own.drop_duplicates(["cloth", "solver"])
+    _tell_missing(cells, own, chosen)
     labels = own["cloth"] if len(chosen) == 1 else own["cloth"] + " of " + own["solver"]
     return {str(label): Path(folder) for label, folder in zip(labels, own["folder"], strict=True)}
+
+
+def _tell_missing(cells: Cells, own: pd.DataFrame, chosen: list[str]) -> None:
+    """Tells which cloths are not shown since their fits failed or have not finished."""
+    shown = set(zip(own["cloth"], own["solver"], strict=True))
+    for cell in cells.skipped:
+        if cell.status != "damaged" and cell.solver in chosen and (cell.cloth, cell.solver) not in shown:
+            tell(cell.note)
 
 
 def _cloth(

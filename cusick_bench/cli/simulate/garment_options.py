@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cusick_bench.cli.options import MOST_SAMPLES, cloth_option, membrane_option, simulation_option
+from cusick_bench.cli.options import MOST_SAMPLES, MOST_VERTICES, cloth_option, membrane_option, simulation_option
 
 if TYPE_CHECKING:
     from cusick_bench.garment import WaistMotion
@@ -56,8 +56,12 @@ Motion = Annotated[MotionName | None, motion_option(help="How the waist moves, b
 Amplitude = Annotated[
     float | None, motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg.")
 ]
-Period = Annotated[float | None, motion_option(max=600, help="Period of the motion [s], by default 1.2.")]
+Period = Annotated[float | None, motion_option(max=600, help="Period of the motion [s], 0.2 or more, by default 1.2.")]
 Duration = Annotated[float | None, motion_option(max=600, help="How long the waist moves [s], by default 2.4.")]
+SkirtVertices = Annotated[
+    int,
+    simulation_option("--vertices", min=1, max=MOST_VERTICES, help="Vertices of the skirt's mesh, 150 or more."),
+]
 Draws = Annotated[
     int, simulation_option(max=MOST_SAMPLES, help="Skirts of a cloth, each of its own draw of its stiffness.")
 ]
