@@ -305,7 +305,8 @@ class DrapeDataset:
                 f"areal density of {row['cloth']} must be > 0 kg/m2, got {density}",
                 where=self.root,
                 remedy=f"weigh the cloth and add `{line}` to {table} (columns "
-                "fabric,areal_density_kg_m2,thickness_m), or to the table that --fabrics-csv names",
+                "fabric,areal_density_kg_m2,thickness_m), or to the table that --fabrics-csv names; where the fabric "
+                "has a line already, fill in that one",
                 kind="density-missing",
             )
         return density

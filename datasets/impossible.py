@@ -66,15 +66,34 @@ def require_possible(dataset: DrapeDataset, rows: Iterable[int], *, force: bool 
     found = impossible(dataset, rows)
     if found and not force:
         pictures = len({fault.path for fault in found})
+        forcing = ", or take them as they are with --force"
+        if any(fault.kind in UNREADABLE for fault in found):
+            forcing = "; --force takes all but those that show no single cloth"
         raise ImpossibleSilhouettes(
             f"{pictures} of the silhouettes to be used show{'s' if pictures == 1 else ''} no cloth on its plate: "
             f"{listed(found)}",
             where=dataset.root,
             remedy=f"look with `cusick-bench data audit {shlex.quote(str(dataset.root))}`, correct the pictures or "
-            "protocol.json, or take them as they are with --force",
+            f"protocol.json{forcing}",
             kind=found[0].kind,
         )
     return tuple(map(_text, found))
+
+
+def require_readable(dataset: DrapeDataset, rows: Iterable[int]) -> None:
+    """Refuses pictures that cannot be read, before drapes are spent on a fit that could not be scored.
+
+    Args:
+        dataset: The data set.
+        rows: Rows of its index that are to be used.
+
+    Raises:
+        BadImage: One cannot be read, or shows no single cloth.
+    """
+    if is_shipped(dataset.root):
+        return
+    for row in sorted(set(rows)):
+        measure_image(inside_root(dataset.root, str(dataset.table["image"].iloc[row])), dataset.protocol)
 
 
 def listed(faults: Sequence[Irregularity]) -> str:

@@ -40,7 +40,7 @@ from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
+from cusick_bench.runner.samples import read_image, read_repeats, read_sample, readable_rows, training_rows
 from cusick_bench.runner.store import (
     CELL_FILE,
     MOST_PREDICTION_BYTES,
@@ -299,7 +299,7 @@ def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
     return HeldOut(
         images(cell.test),
         others=tuple(images(others(row)) for row in cell.test),
-        repeats=tuple(images(dataset.repeats(row)) for row in cell.test),
+        repeats=tuple(images(readable_rows(dataset, dataset.repeats(row))) for row in cell.test),
     )
 
 

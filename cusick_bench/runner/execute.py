@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.impossible import require_possible
+from cusick_bench.datasets.impossible import require_possible, require_readable
 from cusick_bench.datasets.splits import left_out_sample
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
@@ -60,8 +60,8 @@ def run(
         the sample, where samples are left out in turn.
 
     Raises:
-        DataError: Without `force`, a silhouette of the cells that no cloth on the plate can show; or the data have
-            changed since the cells were planned.
+        DataError: A silhouette of the cells that cannot be read, or without `force` one that no cloth on the plate can
+            show; or the data have changed since the cells were planned.
         RunnerError: `out` cannot be written; finished cells are kept.
     """
     if workers < 1:
@@ -70,7 +70,9 @@ def run(
     dataset = load_once(source)
     for planned in sorted({cell.dataset_hash for cell in cells}):
         dataset = load_planned(source, planned)
-    forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
+    rows = {row for cell in cells for row in (*cell.train, *cell.test)}
+    forced = require_possible(dataset, rows, force=force)
+    require_readable(dataset, rows)
     store.prepare()
     with disk_errors(out), locked(out):
         _record_run(store, source, dataset, cells, grid or cells, command, forced)

@@ -6,7 +6,8 @@ bytes, so that memory grows neither with the grid nor with the width of the silh
 """
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TypedDict
@@ -16,6 +17,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample
+from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.index import OTHER_FACE
 
 Silhouette = Float[ndarray, "size size"]
@@ -102,6 +104,24 @@ def read_image(dataset: DrapeDataset, row: int) -> Silhouette:
     return read_sample(dataset, row).image.numpy().astype(np.float64)
 
 
+def readable_rows(dataset: DrapeDataset, rows: Iterable[int]) -> list[int]:
+    """Rows whose silhouette can be read.
+
+    Args:
+        dataset: The data set.
+        rows: Rows of its index.
+
+    Returns:
+        Those, in the same order.
+    """
+    readable = []
+    for row in rows:
+        with suppress(BadImage):
+            dataset.image(row)
+            readable.append(row)
+    return readable
+
+
 def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """First captures of a cloth's training samples, by the face that is up: captures repeat each other.
 
@@ -141,7 +161,7 @@ def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[
 
 @lru_cache(maxsize=1)
 def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Silhouette]]:
-    """Pairs of captures of one drape: the floor below which no score of this cloth means anything.
+    """Pairs of captures of one drape that can be read: the floor below which no score of this cloth means anything.
 
     Args:
         dataset: The data set.
@@ -151,5 +171,6 @@ def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Si
         Pairs of silhouettes; whoever reads them must not write to them.
     """
     pairs = dataset.repeat_pairs(cloth)
-    images = {row: np.asarray(dataset.image(row), dtype=np.float64) for pair in pairs for row in pair}
-    return [(images[row], images[other]) for row, other in pairs]
+    readable = readable_rows(dataset, dict.fromkeys(row for pair in pairs for row in pair))
+    images = {row: np.asarray(dataset.image(row), dtype=np.float64) for row in readable}
+    return [(images[row], images[other]) for row, other in pairs if row in images and other in images]

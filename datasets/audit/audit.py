@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +25,12 @@ from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.datasets.registry import folder_of
 
 T = TypeVar("T")
+
+_UNTIL_MENDED = {
+    PROTOCOL_FILE: "until it is mended no picture and no mesh is measured",
+    FABRICS_FILE: "until it is mended no missing weight or thickness is listed",
+}
+"""What an audit leaves out where a table is malformed."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,9 @@ class Audit:
 def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audit:
     """Looks at every file of a data set.
 
+    Where protocol.json is malformed nothing is measured, since all would be judged by the release's values; where
+    fabrics.csv is, no fabric is said to lack what may stand there.
+
     Args:
         name_or_path: A registered name or a folder.
         progress: Called with (files done, files).
@@ -83,9 +92,10 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
     """
     layout = scan(folder_of(name_or_path))
     problems: list[Irregularity] = list(layout.problems)
-    protocol = _tolerant(layout, PROTOCOL_FILE, read_protocol, Protocol(), problems)
-    fabrics: dict[str, Fabric] = _tolerant(layout, FABRICS_FILE, read_fabrics, {}, problems)
-    found = survey(layout, protocol, measure=True, progress=progress)
+    described = _tolerant(layout, PROTOCOL_FILE, read_protocol, Protocol(), problems)
+    fabrics: dict[str, Fabric] | None = _tolerant(layout, FABRICS_FILE, read_fabrics, {}, problems)
+    protocol = described or replace(Protocol(), captures={entry.capture or 1: "" for entry in layout.silhouettes})
+    found = survey(layout, protocol, measure=described is not None, progress=progress)
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
     matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol)
     problems += [
@@ -110,7 +120,10 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
     )
 
 
-def _tolerant(layout: Layout, name: str, read: Callable[[Path], T], default: T, problems: list[Irregularity]) -> T:
+def _tolerant(
+    layout: Layout, name: str, read: Callable[[Path], T], default: T, problems: list[Irregularity]
+) -> T | None:
+    """A table beside the data, `default` where there is none, None where it is malformed."""
     path = layout.beside(name)
     if path is None:
         return default
@@ -119,8 +132,9 @@ def _tolerant(layout: Layout, name: str, read: Callable[[Path], T], default: T, 
     except DataError as error:
         where = path.relative_to(layout.root).as_posix() if path.is_relative_to(layout.root) else path.as_posix()
         place = error.where.partition(", line ")[2]
-        problems.append(Irregularity(where, error.kind, f"line {place}: {error.what}" if place else error.what))
-        return default
+        what = f"line {place}: {error.what}" if place else error.what
+        problems.append(Irregularity(where, error.kind, f"{what}; {_UNTIL_MENDED[name]}"))
+        return None
 
 
 def _changed(layout: Layout) -> list[Irregularity]:

@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 from cusick_bench.datasets import named
 from cusick_bench.datasets.files.fabrics import FILE, Fabric
-from cusick_bench.datasets.files.layout import Entry, Layout, is_fabric_folder
+from cusick_bench.datasets.files.layout import Entry, Layout, is_fabric_folder, is_image_folder
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.protocol_keys import NOTES
 from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_keys, fabric_values, recognised_cloths
@@ -45,14 +45,14 @@ def check_names(layout: Layout, protocol: Protocol) -> Iterator[Irregularity]:
 
 
 def check_tables(
-    layout: Layout, protocol: Protocol, fabrics: Mapping[str, Fabric], found: Survey
+    layout: Layout, protocol: Protocol, fabrics: Mapping[str, Fabric] | None, found: Survey
 ) -> Iterator[Irregularity]:
     """Looks for densities and thicknesses that are missing, unused parts of tables, and faces that are not known.
 
     Args:
         layout: Files of the folder.
         protocol: Nominal values of the experiment.
-        fabrics: Rows of `fabrics.csv`, by `fabric_key`.
+        fabrics: Rows of `fabrics.csv`, by `fabric_key`; None where it is malformed.
         found: What `survey` found in the files.
 
     Yields:
@@ -67,15 +67,17 @@ def check_tables(
     for cloth, folder in _homes(layout).items():
         source = origin.get(cloth, cloth)
         used.update(fabric_keys(cloth, source))
+        if cloth in doubtful:
+            yield Irregularity(folder, "side-unknown", "its meshes belong to captures of the other face")
+        if fabrics is None:
+            continue
         values = fabric_values(cloth, source, fabrics, recognised)
         if not math.isfinite(values.areal_density):
             yield Irregularity(folder, "density-missing", "add its areal density to fabrics.csv")
         if not math.isfinite(values.thickness):
             yield Irregularity(folder, "thickness-missing", "add its thickness to fabrics.csv")
-        if cloth in doubtful:
-            yield Irregularity(folder, "side-unknown", "its meshes belong to captures of the other face")
     table = layout.beside(FILE)
-    if table is None or not table.is_relative_to(layout.root):
+    if fabrics is None or table is None or not table.is_relative_to(layout.root):
         return  # a table further up serves other fabrics too
     for key in fabrics:
         if key not in used:
@@ -98,7 +100,7 @@ def _common_folder(paths: Sequence[str]) -> str:
     parents = [PurePosixPath(path).parent.parts for path in paths]
     shared = []
     for parts in zip(*parents, strict=False):
-        if len(set(parts)) > 1 or parts[0].lower().startswith("sil"):
+        if len(set(parts)) > 1 or is_image_folder(parts[0]):
             break
         shared.append(parts[0])
     return "/".join(shared) or "."
@@ -106,12 +108,14 @@ def _common_folder(paths: Sequence[str]) -> str:
 
 def _folders(layout: Layout) -> Iterator[Irregularity]:
     siblings: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    files = [entry for entry in (*layout.silhouettes, *layout.meshes) if not entry.is_named]
+    holders = {PurePosixPath(entry.path).parent.as_posix() for entry in files}
     for folder in layout.folders:
         path = PurePosixPath(folder)
         if " " in path.name and not is_fabric_folder(path.name):
             yield Irregularity(folder, "space-in-path", "folder name holds a space")
         for start, right in _SPELLINGS:
-            if path.name.lower().startswith(start) and path.name.lower() != right:
+            if folder in holders and path.name.lower().startswith(start) and path.name.lower() != right:
                 yield Irregularity(folder, "folder-misspelt", f"should be {right}")
         if match := re.fullmatch(r"(sample[^0-9]*)\d+", path.name, re.I):
             siblings[path.parent.as_posix()][match[1]].append(path.name)

@@ -55,9 +55,9 @@ def _partners(layout: Layout) -> Iterator[Irregularity]:
 
 def _shapes(found: Survey, protocol: Protocol) -> Iterator[Irregularity]:
     counts = Counter((mesh.vertices, mesh.faces) for mesh in found.meshes.values())
-    usual = counts.most_common(1)[0][0] if counts else (0, 0)
+    usual, number = counts.most_common(1)[0] if counts else ((0, 0), 0)
     for path, mesh in found.meshes.items():
-        if (mesh.vertices, mesh.faces) != usual:
+        if 2 * number > counts.total() and (mesh.vertices, mesh.faces) != usual:
             detail = f"{mesh.vertices} vertices, {mesh.faces} faces; most have {usual[0]}, {usual[1]}"
             yield Irregularity(path, "mesh-topology", detail)
     for path, radius in impossible_sizes(found.outlines, protocol).items():

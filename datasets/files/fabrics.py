@@ -2,6 +2,7 @@
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,13 +40,15 @@ class Fabric:
 def fabric_key(name: str) -> str:
     """One spelling for a fabric: `2`, `2.0`, `Fabric 2` and `fabric_02` are all `fabric_2`; other names in lower case.
 
+    Blanks may be of any kind, such as the unbreakable ones of spreadsheets, and accents composed or not.
+
     Args:
         name: Name of a fabric as somebody wrote it.
 
     Returns:
         The key under which tables hold it.
     """
-    key = name.strip().lower().replace("-", "_").replace(" ", "_")
+    key = "_".join(unicodedata.normalize("NFC", name.lower()).split()).replace("-", "_")
     numbered = _NUMBERED.fullmatch(key)
     return f"fabric_{int(numbered[1])}{numbered[2] or ''}" if numbered else key
 

@@ -8,6 +8,7 @@ its capture; its folder decides its fabric and sample. Folders above the data de
 
 import os
 import re
+import unicodedata
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -179,6 +180,18 @@ def is_fabric_folder(name: str) -> bool:
     return re.fullmatch(r"Fabric \d+( Observations)?", name) is not None
 
 
+def is_image_folder(name: str) -> bool:
+    """Whether a folder is named as those of silhouettes are, however that is spelt.
+
+    Args:
+        name: Name of the folder.
+
+    Returns:
+        True for such a name, but not for `silk`.
+    """
+    return _IMAGE_FOLDER.fullmatch(name) is not None
+
+
 def is_hidden(folder: str) -> bool:
     """Whether nothing in a folder belongs to the data: hidden ones, `__MACOSX`, and thumbnails of a Synology disk.
 
@@ -313,7 +326,8 @@ def _parse(root: Path, path: Path) -> Entry | None:
     sample_folder = next((m for part in reversed(inside) if (m := _SAMPLE_FOLDER.fullmatch(part))), None)
     sample = int(sample_folder[1]) if sample_folder else number["sample"]
     if NAMED_SETS in lower[:-1]:
-        return _named(path, root, lower[lower.index(NAMED_SETS) + 1], stem, number)
+        cloth = lower[lower.index(NAMED_SETS) + 1]
+        return _named(path, root, unicodedata.normalize("NFC", cloth), stem, number)  # as keyboards write accents
     fabric_folder = next((m for part in reversed(inside) if (m := _FABRIC_FOLDER.fullmatch(part))), None)
     home = path.parent == root or any(pattern.fullmatch(inside[-1]) for pattern in _HOMES)
     fabric = int(fabric_folder[1]) if fabric_folder else number["fabric"]

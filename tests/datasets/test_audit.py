@@ -301,6 +301,47 @@ def test_fabric_without_capture_numbers(tmp_path):
     assert list(index["side"]) == ["", ""]
 
 
+def test_a_malformed_protocol_blames_no_picture(lab):
+    """All were held against the release's values, and said to be of another size, or inverted."""
+    for path in (lab / FABRIC / "silhouettes").iterdir():
+        write_image(path, 1 - (1 - np.asarray(Image.open(path)) / 255))  # light cloth
+    write_image(image(lab, 1, 5), draw(toy_profile(7, 1, 5)))
+    mesh(lab, 1, 1).unlink()
+    (lab / "protocol.json").write_text('{"foreground": "light", "captures": {"5": "up"}, "humidity": 0.65}')
+    result = audit(lab)
+    assert result.kinds == {"no-mesh": 2, "extra-capture": 1, "protocol-invalid": 1}
+    assert result.impossible == ()
+    (told,) = [item.detail for item in result.irregularities if item.kind == "protocol-invalid"]
+    assert told.endswith("; until it is mended no picture and no mesh is measured")
+
+
+def test_a_malformed_table_takes_no_weight_from_other_fabrics(lab):
+    """One bad line, and all fabrics were said to have no weight."""
+    with (lab / "fabrics.csv").open("a") as file:
+        file.write("8,180,\n")
+    (told,) = audit(lab).irregularities
+    assert told.kind == "fabrics-invalid"
+    assert told.detail.startswith("line 3: areal density must be at most 5.0 kg/m2, got 180; until it is mended ")
+
+
+def test_silk_and_mesh_are_cloths_too(lab):
+    """Their folders were said to be misspelt, and what silk lacks to be lacking in the folder above."""
+    for cloth in ("silk", "mesh polyester"):
+        for sample in (1, 2):
+            name = f"sample_{sample}_Upward_Drape_1.png"
+            write_image(lab / "bnn_image_gt" / cloth / name, draw(toy_profile(8, sample, 1)))
+    (lab / "data").rename(lab / "silk mill")
+    assert found(lab, "folder-misspelt") == []
+    assert found(lab, "density-missing") == ["bnn_image_gt/mesh polyester", "bnn_image_gt/silk"]
+
+
+def test_meshes_that_all_differ_have_no_usual_size(lab):
+    """All but one were told what most meshes have, which one of twelve had."""
+    for place, path in enumerate(sorted((lab / FABRIC / "meshes").iterdir())):
+        path.write_text(path.read_text() + place * "v 0 0 0\n")
+    assert found(lab, "mesh-topology") == []
+
+
 def test_named_sets(tmp_path):
     root = write_toy(tmp_path, fabrics=(2,))
     named = root / "bnn_image_gt" / "cotton_blue"

@@ -3,6 +3,7 @@
 import gzip
 import shutil
 from pathlib import Path
+from unicodedata import normalize
 
 import pytest
 from PIL import Image
@@ -90,6 +91,22 @@ def test_fabrics_may_be_numbered_by_their_article(toy):
     (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2\n{number},0.2\n")
     assert load(toy).require_density(0) == 0.2
     assert not [one for one in audit(toy).irregularities if one.kind == "fabrics-unused"]
+
+
+def test_accents_are_the_same_letters_however_they_are_stored(toy):
+    """Folders from a Mac have them as two characters: the cloth had no weight, and could not be named."""
+    folder = toy / "bnn_image_gt" / normalize("NFD", "Étamine")
+    write_image(folder / "sample_1_Upward_Drape_1.png", draw(toy_profile(8, 1, 1)))
+    for form in ("NFC", "NFD"):
+        (toy / "fabrics.csv").write_text(normalize(form, "fabric,areal_density_kg_m2\nÉtamine,0.3\n"), encoding="utf-8")
+        assert load(toy).select(cloth="étamine").require_density(0) == 0.3
+
+
+def test_a_line_without_a_weight_is_to_be_filled_in(toy):
+    """A second line, which the message wanted, was refused since the fabric was given twice."""
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\n7,,\n")
+    with pytest.raises(DataError, match="where the fabric has a line already, fill in that one"):
+        load(toy).require_density(0)
 
 
 @pytest.mark.parametrize("root", [".", "data", "data/Fabric 7/silhouettes"])

@@ -22,15 +22,18 @@ from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.registry import REGISTRY
 
 
-@pytest.mark.parametrize("key", ["7", "7.0", "Fabric 7", "fabric_7", "Fabric 07", "fabric-007"])
+@pytest.mark.parametrize(
+    "key", ["7", "7.0", "Fabric 7", "fabric_7", "Fabric 07", "fabric-007", "Fabric\u00a07", "Fabric\u202f7"]
+)
 def test_densities_come_from_the_users_table(toy, key):
-    (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2,thickness_m,maker\n{key},0.21,0.0004,Mill\n")
+    text = f"fabric,areal_density_kg_m2,thickness_m,maker\n{key},0.21,0.0004,Mill\n"
+    (toy / "fabrics.csv").write_text(text, encoding="utf-8")
     dataset = load(toy)
     assert (dataset.index["areal_density"] == 0.21).all()
     assert (dataset.index["thickness"] == 0.0004).all()
     assert dataset.require_density(3) == 0.21
     other = toy / "other.csv"
-    other.write_text(f"fabric,areal_density_kg_m2\n{key},0.3\n")
+    other.write_text(f"fabric,areal_density_kg_m2\n{key},0.3\n", encoding="utf-8")
     assert load(toy, fabrics_csv=other).require_density(0) == 0.3
 
 

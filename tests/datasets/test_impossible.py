@@ -176,3 +176,27 @@ def test_diagnose_and_paper_tables_stop_too(lab, tmp_path):
     table = _command("paper", "table-1", "--data", str(lab), "--solver", "null:disc", "--out", str(tmp_path / "table"))
     assert table.exit_code == 2
     assert not list((tmp_path / "table").rglob("result.json"))
+
+
+@pytest.mark.parametrize(("damage", "option"), [("two pieces", "--force"), ("no picture", "--quiet")])
+def test_a_picture_that_cannot_be_read_stops_a_run_before_it_is_fitted(lab, tmp_path, damage, option):
+    """The fit used up its budget, and failed when it was to be scored; `--force` had been the advice."""
+    if damage in IMPOSSIBLE:
+        write_image(lab / OTHER, IMPOSSIBLE[damage][1]())
+        with pytest.raises(ImpossibleSilhouettes, match="; --force takes all but those that show no single cloth"):
+            require_possible(load(lab), range(3))
+    else:
+        (lab / OTHER).write_bytes(damage.encode())
+    out = tmp_path / "runs"
+    options = ("--solver", "null:disc", "--vertices", "97", "--out", str(out))
+    refused = _command("run", "--data", str(lab), *options, option)
+    assert refused.exit_code == 2
+    assert f"{OTHER}: " in refused.output.replace("\n", "")
+    assert not list(out.rglob("result.json"))
+
+
+def test_a_picture_that_a_diagnosis_leaves_out_is_not_said_to_be_forced(lab):
+    write_image(lab / PICTURE, IMPOSSIBLE["two pieces"][1]())
+    captures = read_captures(load(lab), "fabric_7", force=True)
+    assert len(captures) == 2
+    assert [note.partition(":")[0] for note in captures.notes] == ["left out"]

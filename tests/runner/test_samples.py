@@ -1,9 +1,10 @@
 """Samples that are kept for the cells that follow: bounded in bytes, and at least one."""
 
 import pytest
+from toy_cloths import image_path, write_toy
 
 from cusick_bench.datasets import DrapeDataset, load
-from cusick_bench.runner.samples import SampleCache, read_sample
+from cusick_bench.runner.samples import SampleCache, read_repeats, read_sample, readable_rows
 
 
 @pytest.fixture(scope="module")
@@ -31,3 +32,13 @@ def test_a_sample_larger_than_the_bound_is_kept_alone(dataset):
 
 def test_cells_of_a_process_share_what_is_kept(dataset):
     assert read_sample(dataset, 0) is read_sample(dataset, 0)
+
+
+def test_a_repeat_that_cannot_be_read_is_left_out(tmp_path):
+    """A damaged second capture, which nothing else uses, failed every fit of its cloth when it was scored."""
+    root = write_toy(tmp_path, captures=2, meshes=False)
+    assert len(read_repeats(load(root), "fabric_7")) == 3
+    image_path(root, 3, 2).write_bytes(b"no picture")
+    dataset = load(root)
+    assert len(read_repeats(dataset, "fabric_7")) == 2
+    assert readable_rows(dataset, [5, 4, 3]) == [4, 3]

@@ -178,8 +178,8 @@ def read_captures(dataset: DrapeDataset, fabric: str, *, force: bool = False) ->
             notes.append(f"left out: {error}")
     slips = _slips(rows, 1 / chosen.protocol.px_per_m)
     used = [read.row for read, slip in zip(rows, slips, strict=True) if not slip]
-    forced = require_possible(chosen, used + unreadable, force=force)
-    notes += [f"forced: {fault}" for fault in forced]
+    require_possible(chosen, used + unreadable, force=force)
+    notes += [f"forced: {fault}" for fault in require_possible(chosen, used, force=force)]
     notes += [f"left out: {read.image}: {read.plate.fault}" for read, slip in zip(rows, slips, strict=True) if slip]
     kept = [read for read, slip in zip(rows, slips, strict=True) if not slip]
     faults = Counter(read.plate.fault for read in kept if read.plate.fault)
