@@ -152,6 +152,11 @@ class Solver(ABC):
         return 0
 
     @property
+    def drapes_of_design(self) -> int:
+        """Number of drapes before its first model, whose libraries a warm-up imports; 0 of one without a model."""
+        return 0
+
+    @property
     def remark(self) -> str:
         """What to know of these options before the solver is run; empty where there is nothing to say."""
         return ""
@@ -227,6 +232,8 @@ class Solver(ABC):
                 f"{self.name} must answer with images of {size} x {size} pixels, as the problem's protocol says, "
                 f"got {np.shape(answer.train_image)}"
             )
+        if answer.tau is not None and (tau := np.asarray(answer.tau, dtype=np.float64)) is not answer.tau:
+            return replace(answer, tau=tau)  # of a list, or of shorter numbers
         return answer
 
     def redraw(

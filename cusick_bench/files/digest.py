@@ -1,6 +1,7 @@
 """Fingerprints of files."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 
@@ -37,4 +38,16 @@ def folder_digest(folder: Path) -> str:
     Returns:
         Its digest in hexadecimal digits.
     """
-    return hashlib.sha256(repr(sorted(digests_below(folder).items())).encode()).hexdigest()
+    return names_digest(digests_below(folder))
+
+
+def names_digest(digests: Mapping[str, str]) -> str:
+    """SHA-256 of names with the digest of each.
+
+    Args:
+        digests: Digests by name.
+
+    Returns:
+        One digest of all in hexadecimal digits.
+    """
+    return hashlib.sha256(repr(sorted(digests.items())).encode()).hexdigest()

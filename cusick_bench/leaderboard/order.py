@@ -59,6 +59,18 @@ class Direction:
         return lambda values: self.cost(statistic(values))
 
 
+def smaller_is_better(metric: str) -> bool:
+    """Whether a metric is a loss.
+
+    Args:
+        metric: Name of the metric.
+
+    Returns:
+        False of one that is better where it is larger or hits a value, and of one that is neither better nor worse.
+    """
+    return not _DESCRIPTIVE.search(metric) and direction(metric) == Direction()
+
+
 def direction(metric: str) -> Direction:
     """Which way a metric is better.
 

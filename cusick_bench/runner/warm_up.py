@@ -1,9 +1,10 @@
 """Kernels are compiled before a meter starts: what a cell is charged for is the search, never the compiler.
 
 Before a process runs a solver in a new kind of problem, the solver answers a tiny one of that kind: the same law,
-mode, space, loss, renderer and effects on a mesh of some hundred vertices, with a budget of a few drapes. It compiles
-just those kernels, with just those signatures, that the cell will call (or reads them from disk, where an earlier
-process has left them: see `sim.kernel_cache`), and imports what the solver imports late.
+mode, space, loss, renderer and effects on a mesh of some hundred vertices, with a budget of a few drapes, and of more
+where its first model comes later. It compiles just those kernels, with just those signatures, that the cell will call
+(or reads them from disk, where an earlier process has left them: see `sim.kernel_cache`), and imports what the solver
+imports late.
 """
 
 import logging
@@ -27,6 +28,7 @@ from cusick_bench.solvers.registry import make_solver
 
 VERTICES, STEPS = 97, 3  # of the tiny problem
 DRAPES = 16.0  # forward-equivalents of its budget: a search for the level, and some gradients
+MODELLED = 3.0  # those after a longer design: two points that a model chooses, and the answer
 PATIENCE = 1.0  # [s] of compiling after which somebody is told
 
 _log = logging.getLogger(__name__)
@@ -52,7 +54,7 @@ class WarmUp:
         solver = make_solver(cell.solver)
         if solver.kind != "solver":
             return
-        tiny = _tiny(cell)
+        tiny = _tiny(cell, max(DRAPES, solver.drapes_of_design + MODELLED))
         kind = record_key({"solver": cell.solver, "settings": tiny.settings.record()})
         if kind in self.kinds:
             return
@@ -60,7 +62,10 @@ class WarmUp:
         configuration: Any = config
         with _alone(Path(configuration.CACHE_DIR), kind), event.install_listener("numba:compile", _Teller()):
             try:
-                solver.solve(build_problem(dataset, tiny), np.random.default_rng(0))
+                problem = build_problem(dataset, tiny)
+                solver.solve(problem, np.random.default_rng(0))
+                if solver.takes_gradients and not problem.meter.gradient:  # the budget ended before the first one
+                    build_problem(dataset, tiny).evaluate_and_gradient(np.zeros(problem.dimension))
             except (Exception, SystemExit) as error:  # the cell itself will say what is wrong with it
                 raise_stop(error)
                 _log.debug("the warm-up of %s stopped: %s", cell.solver, error)
@@ -79,11 +84,11 @@ def _alone(folder: Path, kind: str) -> Iterator[None]:
         compiled.touch()
 
 
-def _tiny(cell: Cell) -> Cell:
+def _tiny(cell: Cell, drapes: float) -> Cell:
     """The cheapest cell that calls the same kernels."""
     drape = replace(cell.settings.drape, steps=min(STEPS, cell.settings.drape.steps))
     settings = replace(
-        cell.settings, vertices=min(VERTICES, cell.settings.vertices), drape=drape, budget=Budget(DRAPES)
+        cell.settings, vertices=min(VERTICES, cell.settings.vertices), drape=drape, budget=Budget(drapes)
     )
     return replace(cell, seed=0, settings=settings)
 

@@ -42,6 +42,10 @@ class Rembo(BoxSolver):
         if self.embeddings < 1:
             raise SolverError(f"rembo searches at least one embedding, got embeddings={self.embeddings}")
 
+    @property
+    def drapes_of_design(self) -> int:
+        return self.embeddings * self.initial
+
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
         """Searches several linear subspaces in turn."""
         return in_turn([self._one(dimension, child) for child in generator.spawn(self.embeddings)])

@@ -76,6 +76,10 @@ def digestible(losses: Sequence[float]) -> Float[np.ndarray, " evaluations"]:
 class BoxSolver(Solver):
     """A gradient-free method that searches the problem's box, scaled to [-1, 1]^D."""
 
+    @property
+    def drapes_of_design(self) -> int:
+        return getattr(self, "initial", 0)
+
     @abstractmethod
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
         """Starts a search.

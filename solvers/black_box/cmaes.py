@@ -59,4 +59,10 @@ class CmaEs(BoxSolver):
             losses = []
             for point in points:
                 losses.append((yield np.clip(point, -1, 1)))
-            strategy.tell(points, digestible(losses).tolist())
+            known = np.isfinite(losses)
+            if not known.any():
+                continue  # nothing is learned, and equal losses would end the search
+            told = digestible(losses)
+            if known.sum() == 1:  # else the only success would be told as a failure's equal
+                told[~known] += 1.0
+            strategy.tell(points, told.tolist())

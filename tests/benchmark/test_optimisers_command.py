@@ -71,6 +71,7 @@ class TestBenchmark:
             (["--function", "ackley"], "unknown test function"),
             (["--runs", "0"], "--runs"),
             (["--dimension", "1"], "got dimension 1"),
+            (["--dimension", "3"], "hesbo searches 4 numbers of branin, got dimension 3; raise it, or name other"),
         ):
             result = CliRunner().invoke(app, ["optimisers", *arguments])
             assert result.exit_code == 2

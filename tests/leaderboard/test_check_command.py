@@ -76,6 +76,19 @@ class TestCommand:
             assert result.exit_code == 2
             assert message in " ".join(result.output.split())
 
+    def test_a_baseline_keeps_every_metric_that_can_be_compared(self, files, tmp_path):
+        run, baseline = files
+        table = read_cells(run).assign(test_dc_crps=lambda t: 3 * t["test_mse"], test_dc_cover_90=0.9, train_dc=0.4)
+        worse = table.assign(test_dc_crps=lambda t: 1.2 * t["test_dc_crps"])
+        for name, one in (("run", table), ("worse", worse)):
+            document = {"cells": one.drop(columns="repeat").to_dict("records")}
+            (tmp_path / f"{name}.json").write_text(json.dumps(document))
+        assert self.check(tmp_path / "run.json", "--against", baseline, "--write")[0] == 0
+        kept = {name for name in read_cells(baseline) if name.startswith(("train_", "test_"))}
+        assert kept == {*METRICS, "test_dc_crps"}
+        assert self.check(tmp_path / "run.json", "--against", baseline, "--metric", "crps")[0] == 0
+        assert self.check(tmp_path / "worse.json", "--against", baseline, "--metric", "crps")[0] == 1
+
     @pytest.mark.parametrize("form", ["json", "csv"])
     def test_settings_in_full_are_those_of_a_baseline(self, tmp_path, form):
         """A `result.json` has them as an object, a table of `leaderboard --cells` as the text of one."""

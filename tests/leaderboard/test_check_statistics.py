@@ -76,6 +76,17 @@ class TestStatistics:
         outcome = check(cells((0,), generator, {"exact": factor}), cells((0,), generator), Gate(METRICS))
         assert verdicts(outcome)["exact", "test_mse"] == expected
 
+    @pytest.mark.parametrize("least", [0.0, -0.001])
+    def test_one_value_at_0_or_below_does_not_outweigh_all_others(self, least):
+        """As an energy distance may be, whose geometric mean over cloths one such value decides."""
+        cell = {"solver": "s", "seed": 0, "status": "done"}
+        before = pd.DataFrame([cell | {"cloth": f"{place:02}", "test_energy_distance": 0.01} for place in range(20)])
+        after = before.assign(test_energy_distance=[least] + 19 * [0.02])
+        (finding,) = check(after, before, Gate(("test_energy_distance",))).findings
+        assert (finding.verdict, finding.ratio.value < 1) == ("regression", True)
+        assert "x 1.7" in finding.detail
+        assert not check(before, after, Gate(("test_energy_distance",))).regressions
+
     def test_repeated_seeds_that_change_nothing_count_once(self):
         before = {("a", seed): 1.0 for seed in range(9)} | {("b", seed): 2.0 for seed in range(9)}
         after = {(cloth, seed): value for cloth, value in (("a", 1.1), ("b", 1.9)) for seed in range(9)}

@@ -202,3 +202,8 @@ class TestCommand:
         status, output = paper("table-1", data, tmp_path, "--solver", "homoo")
         assert status == 2
         assert "no solver is registered for homoo" in output
+
+    def test_a_method_that_cannot_be_used_says_why(self, data, tmp_path):
+        status, output = paper("table-1", data, tmp_path, "--solver", "nlopt:LN_AUGLAG@homo")
+        assert status == 2
+        assert "LN_AUGLAG cannot be used: it needs a second optimiser" in " ".join(output.split())

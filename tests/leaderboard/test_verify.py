@@ -24,6 +24,7 @@ from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Source, plan, record_key, run
 from cusick_bench.runner.store import Store, write_json
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.variational.bdp import Bdp
 
 SOLVERS = ("homo,search=2", "null:disc", "null:random-phase,draws=12", "oracle:best-other")
 DROP = DrapeSettings(steps=20)
@@ -286,6 +287,35 @@ class TestCells:
         change_arrays(folder, posterior_mean=lambda mean: mean + 0.1)
         assert "shapes of redraws [m]" in {check.name for check in verify_cell(folder, dataset).broken}
 
+    def test_the_picture_of_every_draw_is_made_again(self, copy, dataset):
+        folder = folder_of(copy, "homo")
+        change_arrays(folder, **dict.fromkeys(("draws", "draw_vertices"), lambda one: np.concatenate([one] * 24)))
+        cell = Cell.from_record(read_record(folder))
+        again = repeat(folder, cell, "solver", dataset)
+        assert all(check.holds for check in again.checks)
+        change_arrays(folder, draws=lambda draws: np.stack([*draws[:5], np.roll(draws[5], 2, axis=0), *draws[6:]]))
+        broken = [check.name for check in repeat(folder, cell, "solver", dataset).checks if not check.holds]
+        assert broken == ["pictures of draws"]
+
+    def test_draws_that_were_picked_or_repeated_are_found_out(self, data, dataset, tmp_path):
+        solver = "bdp,draws=4,steps=1,samples=2,search=2"
+        folder = folder_of(grid(data, tmp_path / "bdp", [solver]), "bdp")
+        cell = Cell.from_record(read_record(folder))
+        assert all(check.holds for check in repeat(folder, cell, "solver", dataset).checks)
+        whole = (folder / "prediction.npz").read_bytes()
+        for picked, blamed in (([0, 2, 3], "draws left out"), ([0, 1, 2, 2], "numbers of draws")):
+            (folder / "prediction.npz").write_bytes(whole)
+            chosen = dict.fromkeys(("draws", "draw_vertices", "posterior_draws"), lambda one, at=picked: one[at])
+            change_arrays(folder, **chosen)
+            broken = [check.name for check in repeat(folder, cell, "solver", dataset).checks if not check.holds]
+            assert broken == [blamed]
+
+    def test_draws_in_single_precision_are_drawn_again(self, data, dataset, tmp_path, monkeypatch):
+        exact = Bdp.redraw
+        monkeypatch.setattr(Bdp, "redraw", lambda *words: exact(*words).astype(np.float32))
+        folder = folder_of(grid(data, tmp_path / "bdp", ["bdp,draws=2,steps=1,samples=2,search=2"]), "bdp")
+        assert verify_cell(folder, dataset, redrawn=2).status == "verified"
+
     @pytest.mark.parametrize("damage", [b"", b"no archive", None])
     def test_damage_is_no_crash(self, copy, dataset, damage):
         path = folder_of(copy, "homo") / "prediction.npz"
@@ -310,6 +340,19 @@ class TestCommand:
         result = CliRunner().invoke(app, ["verify", str(folder), "--data", str(data)])
         assert result.exit_code == 1
         assert "test_mse" in result.output
+
+    def test_a_damaged_cell_is_not_passed_over(self, copy, data):
+        folder = folder_of(copy, "null:disc")
+        for solver in ("homo", "oracle"):
+            shutil.rmtree(folder_of(copy, solver))
+        change_json(folder / "result.json", lambda result: result["metrics"].update(test_mse=-1e9))
+        words = ["verify", str(copy), "--data", str(data), "--json"]
+        for more in ((), ("--solver", "null:disc")):
+            result = CliRunner().invoke(app, [*words, *more])
+            assert result.exit_code == 1
+            document = json.loads(result.stdout)
+            assert document["rows"][0] == {"solver": "null:disc", "status": "reported", "verified": 0, "cells": 1}
+            assert "test_mse must lie in [0, 1]" in document["cells"][0]["notes"][0]
 
     def test_unknown_solver_is_said(self, finished):
         result = CliRunner().invoke(app, ["verify", str(finished), "--solver", "nobody"])
@@ -354,6 +397,15 @@ class TestSubmission:
         assert [altered(lines[row["row"]], row) for row in rows] == [[]] * 4
         lines[rows[0]["row"]]["test_mse"] = "0.001"
         assert altered(lines[rows[0]["row"]], rows[0])[0].startswith("test_mse 0.001, the run has")
+
+    def test_a_number_that_the_run_has_not_is_found(self, finished, tmp_path):
+        row = next(row for row in rows_of(load_cells(finished), "lab") if row["solver"] == "null:disc")
+        append(tmp_path / "lab.csv", [row])
+        (line,) = read_rows(tmp_path / "lab.csv").to_dict("records")
+        assert altered(line | {"test_mse_best_of_1000": ""}, row) == []
+        assert altered(line | {"test_mse_best_of_1000": "0.001"}, row) == [
+            "test_mse_best_of_1000 0.001, the run has none"
+        ]
 
     def test_numbers_under_another_name_are_found(self, finished, tmp_path):
         path = tmp_path / "lab.csv"
@@ -431,6 +483,31 @@ class TestSubmission:
         with pytest.raises(LeaderboardError, match=r"has rows with dataset hash .*, got abc"):
             append(path, [row | {"settings": settings, "dataset_hash": "abc", "row": "new"} for row in rows])
         assert path.read_bytes() == before
+
+    def test_a_track_takes_its_data_from_a_folder_of_any_name(self, finished, data, tmp_path, monkeypatch):
+        rows = rows_of(load_cells(finished), "paper-table-1")
+        settings = json.dumps(json.loads(rows[0]["settings"]) | {"vertices": 700})
+        rows = [row | {"settings": settings} for row in rows]
+        monkeypatch.delenv("CUSICK_DATA", raising=False)
+        with pytest.raises(LeaderboardError, match="is for the data set cusick, got lab"):
+            append(tmp_path / "table.csv", rows)
+        monkeypatch.setenv("CUSICK_DATA", str(data))
+        assert append(tmp_path / "table.csv", rows)["added"] == 4
+
+    def test_the_first_rows_of_a_track_are_of_one_data_set(self, finished, tmp_path):
+        rows = rows_of(load_cells(finished), "lab")
+        rows[1] |= {"dataset_hash": "abc"}
+        with pytest.raises(LeaderboardError, match=r"must have one dataset hash, got .* and abc"):
+            append(tmp_path / "lab.csv", rows)
+        assert not (tmp_path / "lab.csv").exists()
+
+    def test_a_run_that_was_cut_off_is_not_submitted(self, copy, tmp_path):
+        shutil.rmtree(folder_of(copy, "homo"))
+        path = tmp_path / "lab.csv"
+        result = CliRunner().invoke(app, ["submit", str(copy), "--track", "lab", "--out", str(path)])
+        assert result.exit_code == 2
+        assert "is not finished: 1 cells were cut off or not begun" in " ".join(result.output.split())
+        assert not path.exists()
 
     def test_a_track_of_ones_own_is_for_what_its_first_rows_are_about(self, finished, tmp_path):
         path = tmp_path / "lab.csv"

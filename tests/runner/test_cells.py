@@ -11,7 +11,7 @@ from small_grid import DENSITY, SMALL, run_small
 
 from cusick_bench.datasets import load
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.problem import Budget
+from cusick_bench.problem import Budget, Meter
 from cusick_bench.runner import (
     ProblemSettings,
     RunnerError,
@@ -27,6 +27,7 @@ from cusick_bench.runner.executors.pool import work
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import TimeLimit
+from cusick_bench.solvers.bayesian_optimisation import gaussian_process
 from cusick_bench.solvers.gradient.homo import Homo
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -172,6 +173,27 @@ class TestStop:
         with pytest.raises(type(stop)):
             raising(SystemError("returned a result with an exception set"), stop)
         raising(ValueError("planted"))
+
+    @pytest.mark.parametrize("name", ["rembo", "hesbo", "vanilla-bo", "turbo", "baxus"])
+    def test_a_warm_up_goes_on_until_the_first_model(self, name, dataset, monkeypatch):
+        """BoTorch is imported there, in seconds that no budget is to pay for."""
+        modelled = []
+
+        def fit(points, losses, **how):
+            modelled.append(len(points))
+            raise ValueError("planted")
+
+        monkeypatch.setattr(gaussian_process, "fit", fit)
+        (cell,) = plan(dataset, solvers=[name], cloths=["fabric_1"], settings=SMALL)
+        WarmUp().before(dataset, cell)
+        assert modelled
+
+    def test_a_warm_up_takes_a_gradient_where_its_budget_ends_before(self, dataset, monkeypatch):
+        kinds, record = set(), Meter.record
+        monkeypatch.setattr(Meter, "record", lambda meter, one: kinds.add(one.kind) or record(meter, one))
+        (cell,) = plan(dataset, solvers=["bdp-field,draws=1"], cloths=["fabric_1"], settings=SMALL)
+        WarmUp().before(dataset, cell)
+        assert kinds == {"drape", "draw", "gradient"}
 
     def test_the_end_of_a_generator_behind_an_error_is_no_stop(self, data, tmp_path, dataset, monkeypatch):
         def failing(self, problem, generator, progress):

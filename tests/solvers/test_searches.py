@@ -1,5 +1,6 @@
 """Gradient-free searches, their Gaussian processes and trust regions, on functions with known answers."""
 
+import itertools
 import math
 from types import SimpleNamespace
 
@@ -57,6 +58,15 @@ class TestSearches:
         target = np.array([0.5, -0.3, 0.1, 0.9, -1.0])
         values = losses_of_search(CmaEs(), lambda point: float(np.square(point - target).sum()), 5, 700)
         assert min(values) < 1e-6
+
+    @pytest.mark.parametrize("fails", [lambda k: True, lambda k: k < 30, lambda k: k % 14 != 3], ids=range(3))
+    def test_cmaes_goes_on_where_nearly_all_of_a_generation_fails(self, fails):
+        """Always, for the first two generations, and all but one of each."""
+        count = itertools.count()
+        values = losses_of_search(
+            CmaEs(), lambda point: math.inf if fails(next(count)) else float(np.square(point - 0.2).sum()), 39, 280
+        )
+        assert len(values) == 280
 
     def test_cmaes_of_many_coordinates_keeps_no_matrix(self):
         values = losses_of_search(CmaEs(), lambda point: float(np.square(point - 0.2).mean()), 20_000, 90)

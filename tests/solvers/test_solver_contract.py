@@ -10,6 +10,7 @@ from solver_answers import answer_of, posed
 from threadpoolctl import threadpool_info, threadpool_limits
 from toy_problem import toy_problem
 
+from cusick_bench.metrics.found_stiffness import find_stiffness
 from cusick_bench.problem import Budget
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import Prediction, Solver, SolverError
@@ -192,6 +193,16 @@ class TestPrediction:
         problem = toy_problem()
         with pytest.raises(SolverError, match=message):
             Answering(answer).solve(problem, np.random.default_rng(0))
+
+    @pytest.mark.parametrize("given", [np.full(39, 0.5, np.float32), [0.5] * 39, np.ones(39, int)])
+    @pytest.mark.unchecked_arrays
+    def test_parameters_of_any_numbers_are_read_in_double_precision(self, given):
+        problem = toy_problem()
+        answer = Answering(lambda fit: replace(fit, tau=given)).solve(problem, np.random.default_rng(0))
+        assert isinstance(answer.tau, np.ndarray)
+        assert answer.tau.dtype == np.float64
+        found, _ = find_stiffness(Answering(), problem, answer)
+        assert found is not None
 
     def test_what_a_solver_prints_is_no_result(self, capfd):
         problem = toy_problem()

@@ -155,6 +155,23 @@ def test_cases_hold_nothing_of_their_labels(made):
     assert len(protocols) == 1
 
 
+def test_times_of_files_tell_nothing(made):
+    """How long a drape took tells whether a law with memory acted on it."""
+    paths = [path for case in made[0].glob("case_*") for path in (case, *case.rglob("*"))]
+    assert len(paths) == 4 * (1 + 2 + 4 + 2)
+    assert len({path.stat().st_mtime_ns for path in paths}) == 1
+
+
+def test_a_suite_of_world_published_is_of_one_version_of_its_law(tmp_path, monkeypatch):
+    monkeypatch.setattr(generate_module, "write_case", lambda suite, plan, out: (out / plan.case).mkdir() or plan.case)
+    folders = tmp_path / "cases", tmp_path / "labels"
+    generate(suite(world="published"), *folders)
+    (folders[0] / "case_0002").rmdir()
+    monkeypatch.setattr(generate_module, "LAWS", {"paper": 1, "published": 2, "plate": 1})
+    with pytest.raises(WithheldError, match=r"must be made by the same code.*law published 2"):
+        generate(suite(world="published"), *folders)
+
+
 @pytest.mark.parametrize("inner", ["cases/labels", "cases", "."])
 def test_labels_stay_out_of_reach(tmp_path, inner):
     with pytest.raises(WithheldError, match="must lie in different folders"):
@@ -261,6 +278,11 @@ def test_a_table_of_severities_that_is_none_is_refused(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(WithheldError, match=message):
         read_detectable(path)
+
+
+def test_a_table_of_severities_that_is_not_there_is_named_with_its_command(tmp_path):
+    with pytest.raises(WithheldError, match=r"no file at .*detectable\.json; make it by `atlas power --out`"):
+        read_detectable(tmp_path / "detectable.json")
 
 
 def test_labels_have_the_agreed_form():

@@ -277,6 +277,21 @@ def test_a_threshold_moves_a_straight_edge_by_its_shift():
     np.testing.assert_allclose(widths, [0.1, 0.102, 0.098], atol=6e-4)
 
 
+@pytest.mark.parametrize("shift", [0.0, 3.5e-4, 1.4e-3, -2.8e-3])
+def test_a_threshold_leaves_edges_as_soft_as_they_are_in_any_picture(shift):
+    """Sharper ones would tell its label, however little it moves the outline."""
+    angle, middle = np.linspace(0, 2 * np.pi, 400, endpoint=False), np.zeros((1, 3))
+    radius = 0.125 + 0.012 * np.cos(6 * angle)
+    outline = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(400)])
+    faces = np.column_stack([np.zeros(400, int), 1 + np.arange(400), 1 + np.roll(np.arange(400), -1)])
+    one = scene(noise=0.0)
+    grey = []
+    for taken in (one, law("threshold")(one, {"shift": shift})):
+        shade = photograph(np.vstack([middle, outline]), faces, taken) / 255.0
+        grey.append(np.count_nonzero((shade > 0.1) & (shade < 0.9)))
+    assert grey[1] == pytest.approx(grey[0], rel=0.1)
+
+
 def test_sheets_that_overlap_are_pushed_apart():
     system, p = _one_case(1200)
     x = system.mesh.flat.copy()

@@ -15,6 +15,8 @@ from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.scoring.calibration import wilson_interval
 from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, read_score_table
 from cusick_bench.withheld.scoring.table import rows
+from cusick_bench.withheld.suite.design import KINDS, plan_suite
+from cusick_bench.withheld.suite.labels import label_of
 
 _COLUMNS = ("row", "method", "name", "subset", "value", "cases", "command", "labels_sha256")
 
@@ -58,6 +60,23 @@ def test_no_case_counts_twice_and_severities_are_of_one_kind(tmp_path):
         pooled([read_score_table(measured), read_score_table(first)])
     nulls = _table(tmp_path / "d.csv", "d", ("false positives", "all", 0.0, 9))
     assert len(pooled([read_score_table(measured), read_score_table(nulls)])) == 2
+
+
+def test_suites_of_one_seed_have_the_same_labels_in_all_worlds_and_are_pooled(tmp_path):
+    labels = [
+        [label_of(plan).content() for plan in plan_suite(7, dict.fromkeys(KINDS, 6), world_name=world)]
+        for world in ("paper", "published", "polar")
+    ]
+    assert labels[0] == labels[1] == labels[2]
+    tables = []
+    for name, cases in (("a", "1"), ("b", "2"), ("c", "1"), ("d", "")):
+        table = pd.read_csv(_table(tmp_path / f"{name}.csv", "same", ("power", ">= 2x", 0.5, 4)))
+        table.assign(cases_sha256=cases).to_csv(tmp_path / f"{name}.csv", index=False)
+        tables.append(read_score_table(tmp_path / f"{name}.csv"))
+    assert pooled(tables[:2])[0].figure.cases == 8
+    for other in tables[2:]:
+        with pytest.raises(WithheldError, match="are of the same cases"):
+            pooled([tables[0], other])
 
 
 @pytest.mark.parametrize("severities", [("", "detectable shift"), ("typical severity",) * 2])

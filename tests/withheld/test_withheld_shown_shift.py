@@ -39,6 +39,7 @@ from cusick_bench.withheld.scoring.labelled_answers import (
 )
 from cusick_bench.withheld.scoring.measures import CLEAR, DISTINCT
 from cusick_bench.withheld.scoring.score import score
+from cusick_bench.withheld.suite import generate as generate_module
 from cusick_bench.withheld.suite.generate import SUITE, Suite, read_suite
 
 SIZES = {"plate-radius", "cut-size", "camera-scale", "threshold"}
@@ -207,11 +208,22 @@ class TestCommands:
         with pytest.raises(WithheldError, match=f"{case} has another label"):
             measure_shown_shifts(suite, small_suite / "cases", labels, tmp_path / "twins.json", SHIPPED)
 
+    def test_cases_by_other_code_have_no_twins(
+        self, small_suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ):
+        """What differs between two codes would count as what the cases show."""
+        labels = read_label_documents(small_suite / "labels" / "labels.json")
+        suite = read_suite(small_suite / "labels" / SUITE)
+        monkeypatch.setattr(generate_module, "NUMERICS_VERSION", 99)
+        with pytest.raises(WithheldError, match=r"twins must be made by the code that made their cases.*withheld 99"):
+            measure_shown_shifts(suite, small_suite / "cases", labels, tmp_path / "twins.json", SHIPPED)
+
     def test_cases_without_their_suite_are_refused(self, small_suite: Path, tmp_path: Path):
         (tmp_path / "labels.json").write_text("{}")
         result = invoke("twins", small_suite / "cases", tmp_path / "labels.json")
         assert result.exit_code == 2
         assert "suite.json" in result.output
+        assert "`withheld generate` leaves it beside labels.json" in result.output
         (tmp_path / SUITE).write_text('{"seed": 3}')
         with pytest.raises(WithheldError, match="no description of a suite"):
             read_suite(tmp_path / SUITE)

@@ -110,6 +110,13 @@ class Plan:
         unknown = [name for name in self.methods if name not in METHODS]
         if unknown:
             raise BenchmarkError(f"unknown method {unknown[0]!r}; use one of {', '.join(METHODS)}")
+        for name in self.methods:
+            embedded = getattr(METHODS[name](FUNCTIONS[self.function]), "embedded", 1)
+            if embedded > self.dimension:
+                raise BenchmarkError(
+                    f"{name} searches {embedded} numbers of {self.function}, got dimension {self.dimension}; raise it, "
+                    "or name other methods (--solver)"
+                )
         if self.runs < 1 or self.evaluations < 0:
             raise BenchmarkError(f"runs must be >= 1 and evaluations >= 0, got {self.runs} and {self.evaluations}")
 

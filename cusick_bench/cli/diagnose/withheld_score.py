@@ -14,7 +14,7 @@ from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import require_csv
-from cusick_bench.files.digest import file_digest
+from cusick_bench.files.digest import file_digest, names_digest
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
 
@@ -71,6 +71,8 @@ def score(
         scores = score_answers(answered, seed, progress=bar.show)
     failed = failures(answered, scores.cases)
     facts = _facts(answers, labels, seed, commitment=commitment, oracle=oracle, twins=twins)
+    if answered.files:
+        facts["cases_sha256"] = names_digest(answered.files)
     if out is not None:
         _write(out, scores, failed, facts)
     if as_json:

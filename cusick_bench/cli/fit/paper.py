@@ -231,7 +231,7 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
 
     chosen, missing = methods(grid.solvers or SOLVERS[grid.name], grid.draws)
     if missing and grid.solvers:
-        raise RunnerError(f"no solver is registered for {', '.join(missing)}; see `cusick-bench solvers`")
+        raise RunnerError(f"no solver is registered for {', '.join(missing)}: {_refusal(missing[0])}")
     notes = [f"Left out, since not registered: {', '.join(missing)}."] if missing else []
     dataset, planned = load_once(grid.source), list[Cell]()
     for space in dict.fromkeys(method.space for method in chosen):
@@ -250,6 +250,18 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
                 )
     planned = list({cell.key: cell for cell in planned}.values())
     return run_planned(grid.source, planned, grid.out, workers=grid.workers, force=grid.force), notes
+
+
+def _refusal(name: str) -> str:
+    """Why a method that is asked for cannot be used."""
+    from cusick_bench.solvers.base import SolverError
+    from cusick_bench.solvers.registry import solver_class
+
+    try:
+        solver_class(name.partition("@")[0].partition(",")[0].strip())
+    except SolverError as error:
+        return str(error)
+    return "see `cusick-bench solvers`"
 
 
 def _simulates(solver: str) -> bool:

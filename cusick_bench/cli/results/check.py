@@ -61,7 +61,9 @@ def check_command(
     from cusick_bench.leaderboard.gate.check import Gate, check, metrics_of_both
 
     if write and (metric or junit is not None):
-        raise LeaderboardError("--write compares nothing: leave --metric and --junit out; a baseline keeps all metrics")
+        raise LeaderboardError(
+            "--write compares nothing: leave --metric and --junit out; a baseline keeps all that can be compared"
+        )
     gate = Gate(level=level, minimum=minimum, seed=seed)
     cells = read_cells(run)
     if write:

@@ -23,8 +23,9 @@ def submit_command(
     """Add a run's rows to a track's table; rows that are there already are updated, never added twice.
 
     Rows of other tracks in the same file stay. A track is for one data set and certain mesh sizes; other rows are
-    refused, and so is a run with damaged cells (exit status 2). Tracks of this project: synthetic, paper-table-1,
-    paper-table-2. Any other name is a track of your own, for the data set and mesh of its first rows.
+    refused, and so is a run with damaged cells or one that is not finished (exit status 2). Tracks of this project:
+    synthetic, paper-table-1, paper-table-2. Any other name is a track of your own, for the data set and mesh of its
+    first rows.
 
     Run `verify` before, or the rows are marked *reported*.
     """
@@ -35,6 +36,7 @@ def submit_command(
     outside_package(path)
     cells = load_cells(run)
     cells.require_sound()
+    cells.require_finished()
     rows = rows_of(cells, track)
     counts = append(path, rows)
     verified = sum(row["state"] == "verified" for row in rows)

@@ -56,26 +56,30 @@ def verify_command(
     """
     from cusick_bench.leaderboard.cells.loading import load_cells
     from cusick_bench.leaderboard.cells.source import data_set_of, load_data_of, only_of
-    from cusick_bench.leaderboard.verification.verify import keep, verify_cell
+    from cusick_bench.leaderboard.verification.verify import keep, unreadable, verify_cell
     from cusick_bench.sim.setup import Simulators
 
     run = target.parent.parent if (target / CELL_FILE).is_file() else target
     cells = load_cells(run, changed=True)
     own = data_set_of(cells, data)  # cells of others cannot be judged by it, and keep what is known of them
-    table = only_of(cells, own).table
+    judged = only_of(cells, own)
+    table, damaged = judged.table, [cell for cell in judged.skipped if cell.status == "damaged"]
     if others := sorted(set(cells.table["dataset"]) - {own}):
         tell(f"cells on {own} are verified; for {', '.join(others)} give their data with --data")
     if run != target:
         table = table.loc[[folder.name == target.name for folder in table["folder"]]]
+        damaged = [cell for cell in damaged if cell.folder.name == target.name]
     for name, wanted in (("solver", [unspaced(text) for text in solver or []]), ("cloth", cloth)):
-        if unknown := sorted(set(wanted or []) - set(table[name])):
-            known = ", ".join(sorted(set(table[name])))
+        there = set(table[name]) | {getattr(cell, name) for cell in damaged} - {""}
+        if unknown := sorted(set(wanted or []) - there):
+            known = ", ".join(sorted(there))
             raise LeaderboardError(f"{run} holds no {name} {', '.join(unknown)}; it holds {known}")
         table = table.loc[table[name].isin(wanted)] if wanted else table
-    if table.empty:
+        damaged = [cell for cell in damaged if not wanted or getattr(cell, name) in wanted]
+    if table.empty and not damaged:
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     dataset = load_data_of(cells, data, fabrics_csv)
-    verifications, simulators = [], Simulators()
+    verifications, simulators = [unreadable(cell) for cell in damaged], Simulators()
     with folder_made(run), progress_bar("cells", len(table)) as bar:
         for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
             bar.begin(f"{name} on {where}")

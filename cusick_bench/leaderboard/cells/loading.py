@@ -13,6 +13,7 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.commands import cells_of_grid
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.cells.record_types import check_result, check_run
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -85,6 +86,21 @@ class Cells:
         if damaged:
             more = f" ({len(damaged) - 1} more are damaged)" if len(damaged) > 1 else ""
             raise LeaderboardError(f"{damaged[0].folder / RESULT_FILE}: {damaged[0].reason}{more}")
+
+    def require_finished(self) -> None:
+        """Refuses a folder whose last command has not come to its end.
+
+        Raises:
+            LeaderboardError: Cells of its grid were cut off or not begun.
+        """
+        ended = {folder.name for folder in self.table["folder"]}
+        ended |= {cell.folder.name for cell in self.skipped if cell.status != "unfinished"}
+        left = [key for key in cells_of_grid(self.run) if key not in ended]
+        if left:
+            raise LeaderboardError(
+                f"{self.folder} is not finished: {len(left)} cells were cut off or not begun, such as {left[0]}; "
+                "repeat its `cusick-bench run` command to go on, or with fewer cells to do without the others"
+            )
 
 
 def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:

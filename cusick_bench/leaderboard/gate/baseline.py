@@ -1,8 +1,8 @@
 """Tables of cells to compare: read from a results folder, CSV or JSON, and written as a baseline to commit.
 
 A baseline has a line for each cell: its solver, cloth and seed (and the sample that is left out, where samples are left
-out in turn), whether it finished, hashes of its settings and data, its split, and its metrics. Other projects need only
-the columns solver, cloth, seed and their metrics, as CSV or as JSON,
+out in turn), whether it finished, hashes of its settings and data, its split, and the metrics that `check` can compare.
+Other projects need only the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}`.
 """
 
@@ -25,6 +25,7 @@ from cusick_bench.leaderboard.cells.loading import Cells, load_cells
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.cells.source import load_data_of
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.order import smaller_is_better
 from cusick_bench.runner.labels import comparable_versions, unspaced
 from cusick_bench.runner.store import write_atomically
 
@@ -32,10 +33,9 @@ IDENTITY = ("solver", "cloth", "seed")
 LEFT_OUT = "left_out"
 """Column of the number of the sample that was left out, where samples are left out in turn."""
 STATUSES = ("done", "failed")
-KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_profile_rms_m", "test_dc_error")
-"""Metrics that a baseline keeps; `check` compares some of them."""
 
 _PROBLEM = ("status", "settings", "dataset_hash", "protocol", "code_version")
+_METRICS = ("train_", "test_")
 _MOST_BYTES = 64 << 20
 _DIGITS = 8  # significant, of a baseline's numbers
 
@@ -86,7 +86,8 @@ def write_baseline(table: pd.DataFrame, path: Path, facts: Iterable[str]) -> Non
     """
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a baseline's name must end in .csv")
-    columns = [name for name in (*IDENTITY, LEFT_OUT, *_PROBLEM, *KEPT) if name in table]
+    metrics = [name for name in table if name.startswith(_METRICS) and smaller_is_better(name)]
+    columns = [*(name for name in (*IDENTITY, LEFT_OUT, *_PROBLEM) if name in table), *metrics]
     text = csv_text(table.reindex(columns=columns), float_format=f"%.{_DIGITS}g")
     head = "".join(f"# {' '.join(fact.split())}\n" for fact in facts)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -255,6 +256,6 @@ def _cell(where: str, entry: dict[str, Any]) -> dict[str, Any]:
         cell["status"] = entry.get("status") or "done"
         if cell["status"] not in STATUSES:
             raise ValueError(f"status must be {' or '.join(STATUSES)}, got {cell['status']!r}")
-        return cell | {name: metric_of(name, entry[name]) for name in entry if name.startswith(("train_", "test_"))}
+        return cell | {name: metric_of(name, entry[name]) for name in entry if name.startswith(_METRICS)}
     except ValueError as error:
         raise LeaderboardError(f"{where}: {error}; correct the file, or make it anew with `check --write`") from error

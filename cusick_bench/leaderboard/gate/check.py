@@ -322,9 +322,11 @@ def _judged(findings: Sequence[Finding], gate: Gate) -> Iterator[Finding]:
         if isnan(p):
             yield replace(finding, detail=finding.detail or "one cell decides nothing")
         else:
-            large = finding.comparison is None or finding.ratio.value >= 1 + gate.minimum
-            worse = p <= gate.level and large
-            yield replace(finding, p=p, verdict="regression" if worse else "unchanged")
+            least, test, detail = 1 + gate.minimum, finding.comparison, finding.detail
+            worse = p <= gate.level and (test is None or max(test.ratio.value, test.change) >= least)
+            if worse and test is not None and test.ratio.value < least:
+                detail = f"x {test.change:.3g} by the mean change; the ratio is that of a few values near 0"
+            yield replace(finding, p=p, verdict="regression" if worse else "unchanged", detail=detail)
 
 
 def _notes(findings: Sequence[Finding], gate: Gate) -> Iterator[str]:

@@ -68,6 +68,7 @@ class Comparison:
 
     Attributes:
         ratio: Geometric mean over the cloths of after / before, with its 95 % interval; above 1 is worse.
+        change: The mean change that is tested, as a ratio: values of 0 and below weigh no more in it than others.
         p: Probability of as great a change if nothing has changed; NaN where cells are too few for any test.
         test: "permutation", "t" or "none".
         units: Paired values behind it.
@@ -76,6 +77,7 @@ class Comparison:
     """
 
     ratio: Estimate
+    change: float
     p: float
     test: str
     units: int
@@ -134,17 +136,18 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
     ratio = geometric_mean(_log_ratios(pairs), generator)
     units = len(changes)
     observed = _statistic(pairs)
+    change = _ratio(observed)
     if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
         null = _permuted(pairs, generator)
         p = (1 + np.count_nonzero(null >= observed - _ROUNDING)) / (1 + PERMUTATIONS)
         spread = float(np.std(null))
-        return Comparison(ratio, float(p), "permutation", units, _ratio(spread * float(_reach(level, inf))))
+        return Comparison(ratio, change, float(p), "permutation", units, _ratio(spread * float(_reach(level, inf))))
     if units < 2:
-        return Comparison(ratio, nan, "none", units, nan)
+        return Comparison(ratio, change, nan, "none", units, nan)
     weights = np.array([1 / (len(pairs) * len(pairs[cloth])) for cloth, _ in changes])
     error = float(np.std(list(changes.values()), ddof=1) * np.linalg.norm(weights))
     p = _student(observed, error, units - 1)
-    return Comparison(ratio, p, "t", units, _ratio(error * float(_reach(level, units - 1))))
+    return Comparison(ratio, change, p, "t", units, _ratio(error * float(_reach(level, units - 1))))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -3,8 +3,8 @@
 A cell without physics, or of an oracle, is repeated as a whole. For a simulation the stored parameters are draped again
 with the present code: a drop from the start, an equilibrium from the stored shape, which Newton's method must not
 change; the stiffness of these parameters is computed again. Draws that are the fit itself are repeated with it. Of the
-draws from a stored posterior, a few random ones are drawn and draped again; the pictures of all others are rendered
-again from the stored shapes, and scored again.
+draws from a stored posterior, a few random ones are drawn and draped again; the pictures of all are rendered again from
+the stored shapes, and scored again. Numbers of draws that are left out must be of drapes that fail: a few are tried.
 """
 
 import tempfile
@@ -41,7 +41,7 @@ from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
 
-_RERENDERED = 20  # number of draws whose pictures are rendered again from stored shapes
+_RANGE = 10  # numbers of draws that are looked through for those left out, for each stored draw
 
 _NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}
 
@@ -128,7 +128,8 @@ def repeat(
     if _is_the_fit(stored):
         return repetition
     generator = np.random.default_rng([seed, int(folder.name[:8], 16)])
-    return _with_draws(repetition, stored, problem, cell, _chosen(stored, redrawn, generator))
+    chosen = _chosen(stored, redrawn, generator)
+    return _with_draws(repetition, stored, problem, cell, chosen, _left_out(stored, redrawn, generator))
 
 
 def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[str, float]:
@@ -222,15 +223,20 @@ def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Materi
         DrapeDiverged: The drape fails.
     """
     with torch.no_grad():
-        vector, warm = torch.as_tensor(tau), _start(start, problem)
+        vector, warm = torch.as_tensor(tau, dtype=torch.float64), _start(start, problem)
         vertices = problem.simulate(vector[None], warm).member(0).vertices
         return problem.space.specimen(vector).material, vertices.numpy(), problem.render(vertices).numpy()
 
 
 def _with_draws(
-    fit: Repetition, stored: dict[str, ndarray], problem: DrapeProblem, cell: Cell, chosen: list[int]
+    fit: Repetition,
+    stored: dict[str, ndarray],
+    problem: DrapeProblem,
+    cell: Cell,
+    chosen: list[int],
+    left_out: list[int],
 ) -> Repetition:
-    """A repeated fit with the stored draws, of which the chosen ones are drawn and draped again."""
+    """A repeated fit with the stored draws: the chosen ones are drawn and draped again, and those left out tried."""
     again, shapes, pixel = fit.prediction, stored.get("draw_vertices"), pixel_tolerance(problem.protocol)
     drawn = replace(
         _as_stored(stored), train_image=again.train_image, tau=again.tau, vertices=again.vertices, faces=again.faces
@@ -248,6 +254,11 @@ def _with_draws(
             shift = moved("shapes of redraws [m]", shapes[place], vertices)
             pairs.append((shift, largest("redraws", stored["draws"][place] / 255, image, pixel + ROUNDED)))
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
+        doubled = len(numbers) - len(np.unique(numbers))
+        checks.append(Check("numbers of draws", doubled, 0.0, f"{doubled} are there twice"))
+        tried = {number: solver.redraw(problem, posterior, number) for number in left_out}
+        at_rest = [number for number, tau in tried.items() if draping.draw_batch(tau[None])[0] is not None]
+        checks.append(Check("draws left out", len(at_rest), 0.0, f"come to rest: {', '.join(map(str, at_rest))}"))
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
     checks = (*fit.checks, *checks)
@@ -260,6 +271,17 @@ def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generat
     if len(numbers) != len(stored["draws"]):
         return []
     return sorted(generator.choice(len(numbers), min(count, len(numbers)), replace=False).tolist())
+
+
+def _left_out(stored: dict[str, ndarray], count: int, generator: np.random.Generator) -> list[int]:
+    """Some numbers that no stored draw has and a later one of the same face is above."""
+    numbers = stored.get("posterior_draws", np.zeros(0))
+    if len(numbers) != len(stored["draws"]):
+        return []
+    turned = stored.get("draw_turned", np.zeros(len(numbers), dtype=bool))
+    last = min(int(numbers[turned == face].max()) for face in np.unique(turned))
+    missing = np.setdiff1d(np.arange(min(last, _RANGE * len(numbers))), numbers)
+    return sorted(generator.choice(missing, min(count, len(missing)), replace=False).tolist())
 
 
 def _start(vertices: ndarray, problem: DrapeProblem) -> Tensor | None:
@@ -276,7 +298,7 @@ def _is_the_fit(stored: dict[str, ndarray]) -> bool:
 
 
 def _rendered(stored: dict[str, ndarray], problem: DrapeProblem) -> Iterator[Check]:
-    """Pictures of some draws, evenly spaced, made again from their stored shapes."""
+    """Pictures of all draws, made again from their stored shapes."""
     shapes = stored.get("draw_vertices")
     if shapes is None:
         return
@@ -284,9 +306,9 @@ def _rendered(stored: dict[str, ndarray], problem: DrapeProblem) -> Iterator[Che
         yield Check("draws", inf, 0.0, f"{len(shapes)} shapes for {len(stored['draws'])} pictures")
         return
     worst = 0.0
-    for place in np.unique(np.linspace(0, len(shapes) - 1, _RERENDERED).astype(int)):
+    for shape, picture in zip(shapes, stored["draws"], strict=True):
         with torch.no_grad():
-            image = problem.render(torch.as_tensor(shapes[place], dtype=torch.float64)).numpy()
-        worst = max(worst, float(np.abs(stored["draws"][place] / 255 - image).max()))
+            image = problem.render(torch.as_tensor(shape, dtype=torch.float64)).numpy()
+        worst = max(worst, float(np.abs(picture / 255 - image).max()))
     tolerance = ROUNDED if shapes.dtype == np.float64 else pixel_tolerance(problem.protocol)
     yield Check("pictures of draws", worst, tolerance, f"a pixel differs by {worst:.2g}")

@@ -20,7 +20,7 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, of_board
+from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, of_board
 from cusick_bench.leaderboard.cells.commands import command_record, machine, typed
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import variants
@@ -125,6 +125,8 @@ def read_rows(path: Path) -> pd.DataFrame:
 def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
     """What a committed line says and its run does not, but for what depends on the rows beside: intervals, variant.
 
+    A metric or cost that the run has not is among it.
+
     Args:
         line: The committed line.
         made: The line that its run gives now, from `rows_of`.
@@ -143,6 +145,8 @@ def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
             claimed = nan
         if not (isnan(claimed) and isnan(value)) and not isclose(claimed, value, rel_tol=1e-9, abs_tol=1e-12):
             wrong.append(f"{name} {text or 'missing'}, the run has {value:.6g}")
+    measured = [name for name in metric_names(pd.DataFrame([line])) if not name.endswith((*_LEFT_OUT, "_low", "_high"))]
+    wrong += [f"{name} {line[name]}, the run has none" for name in measured if line[name] and name not in made]
     for name in _STATED:
         claimed, text = (str(one[name]) if name in one else "" for one in (line, made))
         if name == "solver":  # equal options may be written in several ways

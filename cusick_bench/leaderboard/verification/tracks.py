@@ -4,10 +4,13 @@ For the declared tracks they are listed here. Any other name is a track of the u
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.loading import read_dataset
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
 
@@ -43,13 +46,14 @@ def require_fit(rows: Iterable[Mapping[str, Any]], present: Iterable[Mapping[str
         present: Rows that their file holds.
 
     Raises:
-        LeaderboardError: Other data, another split or another mesh size than the track's.
+        LeaderboardError: Other data, another split or another mesh size than the track's, or rows of several data.
     """
-    known = list(present)
+    rows, known, hash_of = list(rows), list(present), cache(_hash_of)
+    _require_one_data(rows)
     for row in rows:
         name = str(row["track"])
         if name in TRACKS:
-            _require_declared(row, TRACKS[name])
+            _require_declared(row, TRACKS[name], hash_of)
         elif sizes := {vertices_of(line) for line in known if line.get("track") == name}:
             _require(row, "mesh of so many vertices", vertices_of(row), sizes)
         for column in _SHARED:
@@ -71,8 +75,29 @@ def vertices_of(row: Mapping[str, Any]) -> int:
         return 0
 
 
-def _require_declared(row: Mapping[str, Any], track: Track) -> None:
-    if row["dataset"] != track.dataset:
+def _require_one_data(rows: Iterable[Mapping[str, Any]]) -> None:
+    """Refuses rows of several data, the first of a track among them, which no row is there yet to be compared with."""
+    first: dict[str, tuple[str, str]] = {}
+    for row in rows:
+        digest, solver = str(row["dataset_hash"]), str(row["solver"])
+        known, other = first.setdefault(str(row["track"]), (digest, solver))
+        if digest != known:
+            raise LeaderboardError(
+                f"rows of track {row['track']} must have one dataset hash, got {known} ({other}) and {digest} "
+                f"({solver}); run each data set into a folder of its own"
+            )
+
+
+def _hash_of(dataset: str) -> str:
+    """Content hash of a named data set, "" where it is not here."""
+    try:
+        return read_dataset(dataset).content_hash
+    except DataError:
+        return ""
+
+
+def _require_declared(row: Mapping[str, Any], track: Track, hash_of: Callable[[str], str]) -> None:
+    if row["dataset"] != track.dataset and row["dataset_hash"] != hash_of(track.dataset):  # a folder of another name
         raise LeaderboardError(
             f"track {row['track']} is for the data set {track.dataset}, got {row['dataset']} ({row['solver']}); run "
             f"on --data {track.dataset}, or name a track of your own"

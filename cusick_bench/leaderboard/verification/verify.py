@@ -20,6 +20,7 @@ from typing import Any
 from cusick_bench import metrics
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import PROTOCOLS
+from cusick_bench.leaderboard.cells.loading import Skipped
 from cusick_bench.leaderboard.learning_curve import learning_splits, samples_of_split
 from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks, stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import (
@@ -117,11 +118,24 @@ def verify_cell(
     try:
         record = read_record(folder)
         return _verified(folder, record, dataset, redrawn, seed, simulators)
-    except (CusickError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (CusickError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         seed_recorded = record.get("seed")
         identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")))
         identity += (seed_recorded if isinstance(seed_recorded, int) else -1,)
         return Verification(folder.name, *identity, "unreadable", (), (f"{type(error).__name__}: {error}",))
+
+
+def unreadable(cell: Skipped) -> Verification:
+    """A cell whose record cannot be believed.
+
+    Args:
+        cell: A damaged one.
+
+    Returns:
+        The cell, unreadable, and why.
+    """
+    seed = -1 if cell.seed is None else cell.seed
+    return Verification(cell.folder.name, cell.solver or "?", cell.cloth or "?", seed, "unreadable", (), (cell.reason,))
 
 
 def keep(run: Path, verifications: list[Verification]) -> None:

@@ -43,7 +43,7 @@ def read_oracle_closures(path: Path) -> OracleClosures:
     Raises:
         WithheldError: Not such a file.
     """
-    return validated(_CLOSURES, read_object(path), str(path))
+    return validated(_CLOSURES, read_object(path, "make it by `withheld oracle`"), str(path))
 
 
 def oracle_closures(

@@ -51,7 +51,7 @@ from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number, broken_rule
 from cusick_bench.withheld.format.label import LabelDocument
 from cusick_bench.withheld.suite.design import Plan
-from cusick_bench.withheld.suite.generate import Suite, write_case
+from cusick_bench.withheld.suite.generate import Suite, require_own_code, write_case
 from cusick_bench.withheld.suite.labels import label_of
 
 
@@ -125,7 +125,7 @@ def measure_shown_shifts(
         What each case shows.
 
     Raises:
-        WithheldError: Labels or cases of another suite, or a twin that cannot be draped.
+        WithheldError: Labels or cases of another suite, cases by other code, or a twin that cannot be draped.
     """
     files = require_labels_of(cases, labels)
     todo = [plan for plan in suite.plans() if plan.causes and (cases / plan.case).is_dir()]
@@ -134,6 +134,8 @@ def measure_shown_shifts(
             raise WithheldError(f"{plan.case} has another label than its suite; give labels.json and suite.json of one")
     plans = {plan.case: plan for plan in todo}
     parts = {case: _part(out, files[case], suite, plan, atlas) for case, plan in plans.items()}
+    if not all(part.exists() for part in parts.values()):
+        require_own_code(suite, cases)
     return gather(
         out, parts, lambda case: (_beside_twin, suite, plans[case], cases, atlas),
         read=read_shown_shifts, write=_write, workers=workers, step=step,
@@ -162,7 +164,7 @@ def read_shown_shifts(path: Path) -> dict[str, ShownShift]:
     Raises:
         WithheldError: Not such a file.
     """
-    return validated(_SHIFTS, read_object(path), str(path))
+    return validated(_SHIFTS, read_object(path, "make it by `withheld twins`"), str(path))
 
 
 def _beside_twin(suite: Suite, plan: Plan, cases: Path, atlas: Path) -> ShownShift:

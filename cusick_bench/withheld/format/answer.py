@@ -344,7 +344,7 @@ def read_answers(path: Path) -> AnswersDocument:
     Raises:
         WithheldError: A file that cannot be read, or what breaks the format.
     """
-    content = read_object(path)
+    content = read_object(path, "give the answers as they were frozen")
     answers = {case: read_answer(entry, f"{path}: {case}") for case, entry in entries(content, _ANSWERS).items()}
     facts = {key: value for key, value in content.items() if key not in (*_ANSWERS, *answers)}
     return validated(_DOCUMENT, {**facts, "answers": answers}, str(path))

@@ -32,11 +32,12 @@ _RULES = {
 """Rules in plain words, by pydantic's name of the error."""
 
 
-def read_object(path: Path) -> dict[str, Any]:
+def read_object(path: Path, lacking: str = "check its path") -> dict[str, Any]:
     """Reads a JSON file that holds one object.
 
     Args:
         path: The file.
+        lacking: What to do where there is no such file.
 
     Returns:
         The object.
@@ -45,7 +46,7 @@ def read_object(path: Path) -> dict[str, Any]:
         WithheldError: There is no such file, it is too large, not JSON, no object, or holds a key twice.
     """
     if not path.exists():
-        raise WithheldError(f"no file at {path}; give answers.json and labels.json as they were written")
+        raise WithheldError(f"no file at {path}; {lacking}")
     try:
         return read_json_object(path, remedy="write it anew", most_bytes=_MAXIMUM_BYTES)
     except BadFile as error:

@@ -196,7 +196,7 @@ def read_label_documents(path: Path) -> dict[str, LabelDocument]:
     Raises:
         WithheldError: A file that cannot be read, or what breaks the format.
     """
-    found = entries(read_object(path), _LABELS)
+    found = entries(read_object(path, "give labels.json as it was written"), _LABELS)
     return {case: validated(_LABEL, entry, f"{path}: {case}") for case, entry in found.items()}
 
 

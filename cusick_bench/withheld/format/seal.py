@@ -23,6 +23,7 @@ FILES = "files"
 
 _NOT_SEALED = ("salt", "sha256")
 _DIGITS = 64  # of a seal
+_LACKING = f"give the {COMMITMENT} that was published with the cases"
 
 
 def salt_of(seed: int, case: str) -> str:
@@ -91,7 +92,7 @@ def published_seals(path: Path) -> dict[str, str]:
     Raises:
         WithheldError: A file that cannot be read.
     """
-    document = read_object(path)
+    document = read_object(path, _LACKING)
     inner = next((value for value in document.values() if isinstance(value, dict)), document)
     return {case: seal for case, seal in inner.items() if isinstance(seal, str) and len(seal) == _DIGITS}
 
@@ -108,7 +109,7 @@ def published_files(path: Path) -> dict[str, str]:
     Raises:
         WithheldError: A file that cannot be read.
     """
-    files = read_object(path).get(FILES)
+    files = read_object(path, _LACKING).get(FILES)
     return {case: str(digest) for case, digest in files.items()} if isinstance(files, dict) else {}
 
 

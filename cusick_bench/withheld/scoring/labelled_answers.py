@@ -1,7 +1,7 @@
 """Reads answers together with their labels, and checks that both have the same cases and that seals are intact."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cusick_bench.files.first_names import first_names
@@ -30,11 +30,13 @@ class LabelledAnswers:
         answers: The answers.
         labels: The labels.
         notes: Remarks on the files for readers.
+        files: SHA-256 of the files of each case when it was answered; empty in older documents.
     """
 
     answers: Mapping[str, Answer]
     labels: Mapping[str, Label]
     notes: tuple[str, ...]
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None = None) -> LabelledAnswers:
@@ -65,7 +67,7 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
         )
     if facts := _provenance(answered):
         notes.append(f"Answers were frozen with {', '.join(facts)}.")
-    return LabelledAnswers(answered.answers, truth, tuple(notes))
+    return LabelledAnswers(answered.answers, truth, tuple(notes), answered.files)
 
 
 def _provenance(document: AnswersDocument) -> list[str]:

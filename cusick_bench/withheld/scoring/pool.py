@@ -33,7 +33,8 @@ class ScoreTable:
     Attributes:
         path: Its file.
         values: Value and number of cases, by name of the figure and of the subset of cases.
-        labels: Digest of the suite's labels.
+        labels: Digest of the suite's labels; suites of one seed have the same in all worlds.
+        cases: Digest of the cases' files; "" where the answers or the table are too old to say.
         measured: Whether severities are those that silhouettes show; None where no case has an effect.
         unit: What levels of severity are multiples of; "" where no case has one, or the file is too old to say.
     """
@@ -43,6 +44,7 @@ class ScoreTable:
     labels: str
     measured: bool | None
     unit: str
+    cases: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,8 @@ def read_score_table(path: Path) -> ScoreTable:
     first = rows[0][1]
     has_effects = any(cases for (_, subset), (_, cases) in values.items() if subset != ALL)
     measured = _TWINS in first["command"] if has_effects else None
-    return ScoreTable(
-        path, values, first["labels_sha256"], measured, first.get("severities", "") if has_effects else ""
-    )
+    unit = first.get("severities", "") if has_effects else ""
+    return ScoreTable(path, values, first["labels_sha256"], measured, unit, first.get("cases_sha256", ""))
 
 
 def _is_pooled(cells: Mapping[str, str]) -> bool:
@@ -110,7 +111,8 @@ def pooled(tables: Sequence[ScoreTable]) -> list[PooledFigure]:
         WithheldError: Two tables are of the same cases, or their severities are not of one kind.
     """
     for one, other in combinations(tables, 2):
-        if one.labels == other.labels:
+        apart = one.cases and other.cases and one.cases != other.cases  # suites of one seed in two worlds
+        if one.labels == other.labels and not apart:
             raise WithheldError(f"{one.path} and {other.path} are of the same cases; give one of them")
         if {one.measured, other.measured} == {True, False}:
             plain = other if one.measured else one

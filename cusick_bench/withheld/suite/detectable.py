@@ -85,4 +85,4 @@ def read_detectable(path: Path) -> DetectableSeverities:
     Raises:
         WithheldError: Not such a file, levels that do not ascend, or severities that are not positive.
     """
-    return validated(_TABLE, read_object(path), str(path))
+    return validated(_TABLE, read_object(path, "make it by `atlas power --out`"), str(path))

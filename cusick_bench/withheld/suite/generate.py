@@ -21,7 +21,7 @@ from pydantic.dataclasses import dataclass
 
 from cusick_bench.files.digest import folder_digest
 from cusick_bench.runner.labels import numerics_text
-from cusick_bench.runner.numerics import drape_numerics
+from cusick_bench.runner.numerics import LAWS, drape_numerics
 from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld import NUMERICS_VERSION
@@ -45,6 +45,7 @@ from cusick_bench.withheld.world.true_case import CAPTURES, SAMPLES, TrueCase
 
 LABELS, SUITE = "labels.json", "suite.json"
 _DENSITY_ERROR = 0.01  # of the density in a case's table
+_WRITTEN = 946_684_800  # [s] 2000-01-01, time of all files of a case
 
 
 @dataclass(frozen=True)
@@ -84,13 +85,19 @@ class Suite:
 _SUITE = TypeAdapter(Suite)
 
 
-def suite_numerics() -> dict[str, int]:
+def suite_numerics(world: str = DEFAULT) -> dict[str, int]:
     """Versions of what decides the pictures of a suite's cases.
+
+    Args:
+        world: Name of their world; `published` has the law of that name, whose version 1 is omitted.
 
     Returns:
         Version of each part, by name.
     """
-    return dict(sorted((drape_numerics("paper") | {"withheld": NUMERICS_VERSION}).items()))
+    versions = drape_numerics("paper") | {"withheld": NUMERICS_VERSION}
+    if LAWS.get(world, 1) > 1:
+        versions[f"law {world}"] = LAWS[world]
+    return dict(sorted(versions.items()))
 
 
 def read_suite(path: Path) -> Suite:
@@ -105,7 +112,8 @@ def read_suite(path: Path) -> Suite:
     Raises:
         WithheldError: There is none, as with cases that somebody else made, or it is not one.
     """
-    return validated(_SUITE, read_object(path), f"{path} is no description of a suite by `withheld generate`")
+    found = read_object(path, "`withheld generate` leaves it beside labels.json, and only for its own cases")
+    return validated(_SUITE, found, f"{path} is no description of a suite by `withheld generate`")
 
 
 def generate(
@@ -163,12 +171,32 @@ def _require_same_code(path: Path) -> None:
     """
     if not path.exists():
         return
-    begun, now = read_suite(path).numerics, suite_numerics()
+    suite = read_suite(path)
+    begun, now = suite.numerics, suite_numerics(suite.world)
     if begun != now:
         by = "code that did not record its version" if begun is None else f"code {numerics_text(begun)}"
         raise WithheldError(
             f"all cases of a suite must be made by the same code, but {path.parent} was begun by {by}, and this is "
             f"{numerics_text(now)}; finish it with the code that began it, or make it anew in empty folders"
+        )
+
+
+def require_own_code(suite: Suite, cases: Path) -> None:
+    """Refuses to compare cases with what another code than theirs makes: their difference would be that of two codes.
+
+    Args:
+        suite: Their suite; one of before versions were kept may be of any code, and passes.
+        cases: Their folder, for the message.
+
+    Raises:
+        WithheldError: They are of another code.
+    """
+    now = suite_numerics(suite.world)
+    if suite.numerics is not None and suite.numerics != now:
+        raise WithheldError(
+            f"twins must be made by the code that made their cases, but {cases} was made by code "
+            f"{numerics_text(suite.numerics)}, and this is {numerics_text(now)}: what differs between the two would "
+            "count as shown; make the twins with that code"
         )
 
 
@@ -180,7 +208,7 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         "cases": {case: label["sha256"] for case, label in found.items()},
     }
     documents = (
-        (labels / SUITE, _SUITE.dump_python(replace(suite, numerics=suite_numerics()), mode="json")),
+        (labels / SUITE, _SUITE.dump_python(replace(suite, numerics=suite_numerics(suite.world)), mode="json")),
         (labels / LABELS, found),
         (out / COMMITMENT, commitment),
     )
@@ -251,6 +279,8 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
         raise WithheldError(f"{plan.case}: {error}; choose another seed") from error
     (part / "fabrics.csv").write_text(_fabrics_table(truth))
     (part / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
+    for path in (*part.rglob("*"), part):  # how long a drape took tells which laws acted
+        os.utime(path, (_WRITTEN, _WRITTEN))
     os.replace(part, out / plan.case)
     return plan.case
 

@@ -8,7 +8,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 from PIL import Image
 from scipy.ndimage import gaussian_filter, shift
-from scipy.special import ndtr
+from scipy.special import ndtri
 
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import camera_of
@@ -19,7 +19,7 @@ from cusick_bench.withheld.world.scene import Scene, Vertices, unit_vector
 LABORATORY = RELEASE
 """Nominal values of the laboratory that suites come from: set up as the public release's."""
 
-_RAMP = 0.8  # of the shades between the cut's level and the nearer of white and black that it spreads over the scale
+_LEAST_SHARE = 1e-9  # least shade of a blurred edge, so that the distance to the edge stays finite
 _SMEARED = 9  # exposures over the way of a moving cloth
 
 
@@ -77,10 +77,10 @@ def photograph(seen: Vertices, faces: ndarray, scene: Scene) -> UInt8[ndarray, "
         Grey levels, dark where the cloth is.
     """
     cover = render(torch.from_numpy(np.ascontiguousarray(seen)), faces, camera_of(LABORATORY)).numpy()
-    shade = gaussian_filter(_smeared(cover, scene.smear), scene.blur)
+    cover = _smeared(cover, scene.smear)
     if scene.outwards is not None:
-        level = ndtr(-scene.outwards / scene.blur)
-        shade = np.clip((shade - level) / (_RAMP * min(level, 1 - level)) + 0.5, 0, 1)
+        cover = _cut(cover, scene.blur_of_cut, scene.outwards)
+    shade = gaussian_filter(cover, scene.blur)
     noise = scene.random("capture", "noise").normal(0, scene.noise, shade.shape)
     return np.clip(np.round(255 * (1 - shade) + noise), 0, 255).astype(np.uint8)
 
@@ -92,6 +92,12 @@ def _smeared(cover: Float[ndarray, "256 256"], smear: tuple[float, float]) -> Fl
     east, north = unit_vector(direction)
     ways = np.linspace(-0.5, 0.5, _SMEARED) * length
     return np.mean([shift(cover, (-way * north, way * east), order=1) for way in ways], axis=0)
+
+
+def _cut(cover: Float[ndarray, "256 256"], blur: float, outwards: float) -> Float[ndarray, "256 256"]:
+    """A blurred picture, cut where a straight edge lies `outwards`; its edge is one pixel wide, as any cover's."""
+    share = np.clip(gaussian_filter(cover, blur), _LEAST_SHARE, 1 - _LEAST_SHARE)
+    return np.clip(0.5 + blur * ndtri(share) + outwards, 0, 1)
 
 
 def jpeg(levels: UInt8[ndarray, "256 256"], quality: int) -> bytes:

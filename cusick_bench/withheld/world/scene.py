@@ -66,6 +66,7 @@ class Scene:
         noise: Standard deviation of its grey levels, of 255.
         outwards: How far the cut between cloth and background lies outside of the edge [px]; None for a picture in
             shades.
+        blur_of_cut: Standard deviation of the blur that is cut [px]; the cut is seen with `blur`, as every edge is.
         smear: Length and direction of the cloth's way while the picture is taken [px, deg].
         carried_over: What laws with internal variables kept from the sample's earlier pictures, by name of the law.
     """
@@ -96,6 +97,7 @@ class Scene:
     blur: float = 0.6
     noise: float = 1.2
     outwards: float | None = None
+    blur_of_cut: float = 0.0
     smear: tuple[float, float] = (0.0, 0.0)
     carried_over: Mapping[str, ndarray] = field(default_factory=dict)
 

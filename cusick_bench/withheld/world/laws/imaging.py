@@ -68,7 +68,7 @@ def barrel(strength: float) -> PositionMap:
 def _threshold(scene: Scene, value: EffectParameters) -> Scene:
     """A blurred picture that is cut at another grey level; on a straight edge the outline moves by the shift."""
     outwards = value["shift"] / PIXEL
-    return replace(scene, outwards=outwards, blur=max(scene.blur, 0.8 * abs(outwards)))
+    return replace(scene, outwards=outwards, blur_of_cut=max(scene.blur, 0.8 * abs(outwards)))
 
 
 LAWS: dict[str, Law] = {
