@@ -11,7 +11,7 @@ its hyperparameters are fitted in the span of the n points, which has n coordina
 
 A fit goes on from the hyperparameters of the last one, and every `AFRESH_EVERY` points it starts afresh. Processor time
 on one core, with 500 points in 39 coordinates: a fit 0.2 s, or 2.5 s afresh; maximising the improvement 1.3 s; a
-Thompson sample of 2000 candidates 0.5 s. With 8 points in 241,734 coordinates each takes 3 to 4 s, and 2 GB.
+Thompson sample of 2000 candidates 0.5 s. With 8 points in 240,000 coordinates each takes 3 to 4 s, and 2 GB.
 
 BoTorch is imported when the first point is modelled. Torch's global generator and thread count are left as they were:
 one thread, so that sums do not depend on how busy the machine is, and a resumed run asks for the same points.

@@ -1,4 +1,4 @@
-"""Gradient fit of one stretch table a face and one bending table a hinge: 241,734 numbers on 2699 vertices.
+"""Gradient fit of one stretch table a face and one bending table a hinge: 241,680 numbers on 2699 vertices.
 
 One silhouette does not determine as many numbers, so the fit is a regularised one: tau = tau_0 + (39 numbers that all
 elements share) + (smooth fields), with tau_0 the best cloth of the search for the bending level, and a Gaussian

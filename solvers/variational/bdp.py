@@ -5,7 +5,7 @@ Negative ELBO (Eq. 6-8), with D the training image and L x L its pixels:
     KL(q(tau) || p(tau)) + E_q[ sum_ij (I_ij - D_ij)^2 / (2 sigma^2) ]
 
 `reduction=sum` takes the sums of the text; `mean` divides the first term by the number of parameters and the second by
-that of pixels, as the published scripts do, which weighs the prior about four times less at the paper's size (241,734
+that of pixels, as the published scripts do, which weighs the prior about four times less at the paper's size (241,680
 parameters, 65,536 pixels). The number of pixels is that of the release, 256 x 256 of 1.4 mm, as for the loss `mse`,
 whatever the image's resolution: errors of neighbouring pixels come from the same error of the outline, and a finer
 image of it tells no more about the cloth.
