@@ -198,6 +198,16 @@ def test_a_face_that_nobody_photographed_is_not_shown(profiles, tmp_path):
     assert not any("face down" in words for words in labels)
 
 
+def test_not_every_drape_of_many_is_said_to_be_shown(profiles, tmp_path):
+    assert "Every drape, face up and face down." in page(document(profiles), tmp_path).text
+    many = [drape | {"sample": 10 * copy + drape["sample"]} for copy in range(5) for drape in profiles["base"]]
+    shown = page(document(profiles | {"base": many}), tmp_path)
+    assert "At most 24 drapes of each, evenly chosen, face up and face down." in shown.text
+    labels = [one["aria-label"] or "" for one in shown.all("svg")]
+    assert "Radius over angle of 24 of 30 drapes: base model" in labels
+    assert "Radius over angle of every drape: data" in labels
+
+
 def test_place_is_named_only_where_there_is_one(pages):
     assert "from 45° to 90°, 120 to 150 mm from the centre" in pages["patch"].text
     assert "No place on the cloth can be named: it acts along a direction" in pages["effect"].text
@@ -352,6 +362,25 @@ def test_budget_of_the_gap(tmp_path):
     assert "93 %" in text
     assert "accounts for most with probability" in text
     assert "shown by all fabrics of this laboratory" in text
+
+
+def test_a_look_alike_is_not_said_to_close_the_gap_for_certain(tmp_path):
+    """Of each group one is simulated, or in its place another that comes nearer to the fitted samples."""
+    made = document(NO_PROFILES, "ambiguous")
+    assert "stands for one of" not in page(made, tmp_path).text
+    made["groups"] = [["plate-radius", "cut-size", "camera-scale"]]
+    shown = diagnosis_page(parsed(made))
+    assert "Here plate-radius stands for one of plate-radius, cut-size, camera-scale: where" in shown.closure.words
+    (closes,) = [words for card in shown.causes.cards for words in card.remarks if "of the gap" in words]
+    assert closes.startswith(f"this or a look-alike closes {percent(0.64)} of the gap")
+
+
+def test_the_budget_names_the_look_alike_that_it_has_a_share_of(tmp_path):
+    """Models hold another one of the group than its first."""
+    made = small_document() | {"groups": [["cut-size", "threshold"]], "closure": {}}
+    made |= {"with_effect": ["threshold:shift=0.001"], "unexplained": {"share": 0.3, "ci90": None}}
+    made["budget"] = [{"effect": "threshold", "share": 0.7, "ci90": None}]
+    assert "Threshold stands for one of cut-size, threshold." in page(made, tmp_path).text
 
 
 def test_what_may_be_shared_instead_is_said(tmp_path):

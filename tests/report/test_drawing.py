@@ -19,6 +19,7 @@ from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
 from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
 from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
+from cusick_bench.report.drawing.row_names import row_names
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
 
 
@@ -210,3 +211,27 @@ def test_posterior_and_truth_are_drawn():
     low, high = with_both.get_xlim()
     assert low < 1.0
     assert high > 9.0
+
+
+@pytest.mark.parametrize(
+    ("labels", "shown"),
+    [
+        (["homo", "heter"], ["homo", "heter"]),
+        (["homo (drape.law=paper, vertices=700)"], ["homo (drape.law=paper, vertic…"]),
+        (
+            ["homo (drape.law=paper, vertices=700)", "homo (drape.law=paper, vertices=2699)"],
+            ["homo (drap…per, vertices=700)", "homo (drap…per, vertices=2699)"],
+        ),
+        (["x" * 40, "x" * 40], ["x" * 29 + "…"] * 2),
+        (["\x00" * 40 + "a", "\x00" * 40 + "b"], ["?" * 10 + "…" + "?" * 18 + "a", "?" * 10 + "…" + "?" * 18 + "b"]),
+    ],
+)
+def test_names_of_rows_are_cut_where_they_stay_apart(labels, shown):
+    assert row_names(labels) == shown
+
+
+def test_long_names_that_differ_in_several_places_stay_apart():
+    options = [f"{'a' * 20}={i} {'b' * 30}={j}" for i in range(3) for j in range(3)]
+    names = row_names([f"solver ({one})" for one in options])
+    assert len(set(names)) == 9
+    assert max(map(len, names)) <= 30

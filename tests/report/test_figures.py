@@ -90,6 +90,17 @@ def test_draws_are_taken_for_the_cloth_that_they_look_like(run, toy_data, tmp_pa
     assert (tmp_path / "figure-8-confusion.png").is_file()
 
 
+def test_the_share_of_unequal_numbers_of_draws_is_said_to_count_cloths_alike(toy_dataset, toy_data, tmp_path):
+    """It was said to be of all draws: 50 % of 6, of which 4 are taken for their own cloth."""
+    for cloth, number in zip(CLOTHS, (4, 2), strict=True):
+        write_cell(tmp_path / "run", toy_dataset, "one", cloth, held_out_images(toy_dataset, CLOTHS[0])[:number])
+    arguments = ["figure-8", str(tmp_path / "run"), "--data", str(toy_data), "--out", str(tmp_path / "figure")]
+    outcome = CliRunner().invoke(app, arguments)
+    assert outcome.exit_code == 0, outcome.output
+    said = " ".join(outcome.output.split())
+    assert "50.0 % are taken for their own cloth (6 drapes, each cloth counting alike): one" in said
+
+
 def test_ranks_of_held_out_coefficients_are_given_for_each_cloth(run, toy_dataset):
     document = radius_angle(load_cells(run), toy_dataset).document()
     found = document["dc_ranks"]["right"]["fabric_4"]

@@ -5,9 +5,11 @@ import io
 import json
 import re
 from itertools import product
+from math import nan
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import typer
 from html_page import Page
@@ -16,12 +18,16 @@ from shown_cells import radii, write_cell
 from typer.testing import CliRunner
 
 from cusick_bench.cli.results.report import report
-from cusick_bench.leaderboard import leaderboards, load_cells
+from cusick_bench.leaderboard import Cells, leaderboards, load_cells
+from cusick_bench.leaderboard.bootstrap import Estimate
+from cusick_bench.leaderboard.two_runs import Change, MethodChange, TwoRuns
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 from cusick_bench.metrics.stiffness import BENDING, STRETCH
 from cusick_bench.report import ReportError, write_report
 from cusick_bench.report.cell_view import load_cell_view
+from cusick_bench.report.run.comparison import comparison_section
 from cusick_bench.report.run.method_curves import method_curves
+from cusick_bench.solvers.reference.silhouettes import silhouette
 
 
 @pytest.fixture(autouse=True)
@@ -150,6 +156,47 @@ def test_performance_profiles_say_how_many_problems_count(tmp_path):
     curves = method_curves(cells, leaderboards(cells)[0])
     assert curves is not None
     assert [figure.caption.rpartition("; ")[2] for figure in curves.profiles] == ["problems that count: 2"] * 2
+
+
+def test_what_is_shown_of_several_splits_is_told_apart(tmp_path):
+    """Fits of the second split have another training sample, whose surface was not on the page."""
+    for solver, seed in product(("homo", "sobol"), (0, 1)):
+        cell = write_cell(tmp_path, solver, seed=seed)
+        split = {"seed": 0, "protocol": ("paper", "first-8")[seed]}
+        for name in ("cell.json", "result.json"):
+            (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | split))
+        with np.load(cell / "prediction.npz") as archive:
+            arrays = dict(archive) | {"train_target": silhouette(radii(7 + seed)).astype(np.float32)}
+        np.savez_compressed(cell / "prediction.npz", **arrays)
+    page = make(tmp_path)
+    (document,) = [json.loads(text) for text in page.scripts if text.startswith("{")]
+    reals = [one["method"] for one in document["drapes"] if not one["anchor"]]
+    assert reals == ["real silhouette of homo, split first-8", "real silhouette of homo, split paper"]
+    assert "Some of the fits below are to other samples" in page.text
+    for title in ("Anytime curves", "Performance profiles"):
+        assert f"{title} (split paper)" in page.text
+        assert f"{title} (split first-8)" in page.text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "shown"),
+    [
+        (Estimate(0.5, 0.4, 0.6), "× 0.50 [0.40, 0.60]"),
+        (Estimate(0.003, 0.002, 0.004), "× 0.003 [0.002, 0.004]"),
+        (Estimate(1.002, 1.001, 1.003), "× 1.002 [1.001, 1.003]"),
+        (Estimate(0.998, 0.997, 0.9996), "× 0.9980 [0.9970, 0.9996]"),
+        (Estimate(1.002, 0.999, 1.003), "× 1.00 [1.00, 1.00]"),
+        (Estimate(0.0, 0.0, 0.0), "× 0.00 [0.00, 0.00]"),
+        (Estimate(1e-9, nan, nan), "× 0.000000"),
+    ],
+)
+def test_a_change_is_not_rounded_to_none(ratio, shown, monkeypatch):
+    change = Change(1.0, ratio.value, ratio)
+    both = TwoRuns([MethodChange("homo", "solver", 1, {"train_mse": change})], [], [], [])
+    monkeypatch.setattr("cusick_bench.report.run.comparison.compare_runs", lambda *_, **__: both)
+    cells = Cells(Path("run"), {}, pd.DataFrame(), ())
+    ((entry,),) = (row.changes for row in comparison_section(cells, cells).rows)
+    assert entry.text == shown
 
 
 def test_links_lead_to_sections(page):

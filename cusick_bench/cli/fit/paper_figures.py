@@ -112,7 +112,8 @@ def figure_8(
         save_confusion(study, paths[1])
     for group in (study.real, *study.drawn):
         share = 100 * group.confusion.accuracy
-        text = f"{share:5.1f} % of {group.confusion.counts.sum()} are taken for their own cloth: {group.label}"
+        count = f"{group.confusion.counts.sum()} drapes, each cloth counting alike"
+        text = f"{share:5.1f} % are taken for their own cloth ({count}): {group.label}"
         if not as_json:
             output.print(text)
     _finish(study.document(), paths, out / "figure-8.json", as_json)

@@ -6,11 +6,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from cusick_bench.leaderboard.two_runs import MethodChange
-from cusick_bench.report.drawing.inline_svg import page_figure, panel, printable
+from cusick_bench.report.drawing.inline_svg import page_figure, panel
 from cusick_bench.report.drawing.palette import INK, MODEL, SOFT
+from cusick_bench.report.drawing.row_names import row_names
 
 _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _ROW = 1000.0, 215.0, 20.0, 8.0, 42.0, 26.0  # [px]
-_LONGEST = 30  # letters of a name
 _TITLES = {"test_mse": "MSE, unseen samples"}
 
 
@@ -33,12 +33,7 @@ def change_graph(methods: Sequence[MethodChange], name: str) -> Figure:
         axes.plot([change.after], [row], "o", markersize=8, color=MODEL)
     axes.set(ylim=(len(methods) - 0.5, -0.5), xlabel=_TITLES.get(name, name))
     axes.set_xlim(left=0)
-    axes.set_yticks(range(len(methods)), [_name(method.label) for method in methods])
+    axes.set_yticks(range(len(methods)), row_names([method.label for method in methods]))
     axes.tick_params(axis="y", labelcolor=INK)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7))
     return figure
-
-
-def _name(label: str) -> str:
-    text = printable(label)
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"

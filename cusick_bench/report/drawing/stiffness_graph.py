@@ -14,12 +14,12 @@ from scipy.stats import gaussian_kde
 
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.metrics.stiffness import BENDING, GF_CM2_PER_CM
-from cusick_bench.report.drawing.inline_svg import TICK_SIZE, page_figure, panel, printable
+from cusick_bench.report.drawing.inline_svg import TICK_SIZE, page_figure, panel
 from cusick_bench.report.drawing.palette import INK, MODEL, PALE, REAL, SOFT
+from cusick_bench.report.drawing.row_names import row_names
 
 _WIDTH, _LEFT, _GAP, _RIGHT = 1000.0, 205.0, 26.0, 10.0  # [px]
 _TOP, _BOTTOM, _ROW = 48.0, 40.0, 32.0
-_LONGEST = 30  # letters of a name
 _MICRO = 1e6
 _ROOM = 0.12  # decades beside the outermost numbers
 _GRID = 160  # points of a density
@@ -55,10 +55,11 @@ def stiffness_graph(lines: Sequence[StiffnessLine]) -> Figure:
     width = (_WIDTH - _LEFT - _RIGHT - 2 * _GAP) / len(BENDING)
     limits = _limits(lines)
     true = next((line.found.true_bending for line in lines if line.found.true_bending), None)
+    names = row_names([line.label for line in lines])
     for place, direction in enumerate(BENDING):
         axes = panel(figure, _LEFT + place * (width + _GAP), _TOP, width, _ROW * len(lines))
         axes.set(xscale="log", xlim=limits, ylim=(len(lines) - 0.5, -0.5), xlabel="µN m")
-        axes.set_yticks(range(len(lines)), [_name(line.label) for line in lines] if place == 0 else [""] * len(lines))
+        axes.set_yticks(range(len(lines)), names if place == 0 else [""] * len(lines))
         axes.tick_params(axis="y", labelcolor=INK)
         _ticks(axes, limits)
         axes.text(0, -0.5 - 26 / _ROW, direction, transform=axes.get_yaxis_transform(), color=INK, size=TICK_SIZE + 1.5)
@@ -146,8 +147,3 @@ def _round_numbers(low: float, high: float) -> list[float]:
 def _plain(value: float) -> str:
     text = f"{value:.10f}".rstrip("0").rstrip(".")
     return text.replace("0.", ".", 1) if value < 1 else text
-
-
-def _name(label: str) -> str:
-    text = printable(label)
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"

@@ -19,6 +19,7 @@ _HEADS = {
     "spent_forward_equivalents": "drapes",
     "spent_wall_seconds": "seconds",
 }
+_FEWEST_PLACES, _MOST_PLACES = 2, 6  # decimals of a ratio
 
 
 @dataclass(frozen=True)
@@ -120,8 +121,19 @@ def _entry(change: Change | None) -> ChangeCell:
     if change is None or not isfinite(change.ratio.value):
         return ChangeCell("", "same")
     ratio = change.ratio
-    span = f" [{ratio.low:.2f}, {ratio.high:.2f}]" if isfinite(ratio.low) else ""
-    return ChangeCell(f"× {ratio.value:.2f}{span}", change.verdict)
+    places = next((places for places in range(_FEWEST_PLACES, _MOST_PLACES) if _tell(change, places)), _MOST_PLACES)
+    span = f" [{ratio.low:.{places}f}, {ratio.high:.{places}f}]" if isfinite(ratio.low) else ""
+    return ChangeCell(f"× {ratio.value:.{places}f}{span}", change.verdict)
+
+
+def _tell(change: Change, places: int) -> bool:
+    """Whether so many decimals tell the ratio from 0, and from 1 the interval that leaves it out."""
+    ratio = change.ratio
+    if ratio.value > 0 and round(ratio.value, places) == 0:
+        return False
+    if change.verdict == "same":
+        return True
+    return round(ratio.high, places) < 1 if change.verdict == "better" else round(ratio.low, places) > 1
 
 
 def _in_words(methods: Sequence[MethodChange]) -> str:

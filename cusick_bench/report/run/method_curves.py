@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from cusick_bench.leaderboard import Cells, Leaderboard
 from cusick_bench.leaderboard.anytime import COSTS, Curve, curves
+from cusick_bench.leaderboard.cells.variants import BOARD, of_boards
 from cusick_bench.leaderboard.order import direction
 from cusick_bench.leaderboard.performance import NEAR, PerformanceProfile, cost_profiles, error_profiles
 from cusick_bench.report.drawing.inline_svg import inline_svg
@@ -53,11 +54,13 @@ class MethodCurves:
         key: The methods.
         anytime: Anytime curves, one a cost.
         profiles: Performance profiles.
+        of: What sets their cells apart from those of other leaderboards of the page; "" where there are none.
     """
 
     key: list[MethodKey]
     anytime: list[MethodFigure]
     profiles: list[MethodFigure]
+    of: str = ""
 
 
 def method_curves(cells: Cells, board: Leaderboard) -> MethodCurves | None:
@@ -97,7 +100,13 @@ def method_curves(cells: Cells, board: Leaderboard) -> MethodCurves | None:
         )
         if found
     ]
-    return MethodCurves([_key(label, place) for label, place in places.items()], anytime, profiles)
+    return MethodCurves([_key(label, place) for label, place in places.items()], anytime, profiles, _of(cells, board))
+
+
+def _of(cells: Cells, board: Leaderboard) -> str:
+    own = tuple(getattr(board, name) for name in BOARD)
+    words = {tuple(table[BOARD].iloc[0]): apart for apart, table in of_boards(cells.table)}
+    return words.get(own, "").removeprefix(", ")
 
 
 def _key(label: str, place: int) -> MethodKey:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from jaxtyping import Float
 from markupsafe import Markup
@@ -24,7 +25,7 @@ from cusick_bench.leaderboard.cells.commands import command_record, typed
 from cusick_bench.leaderboard.cells.variants import law_of, method_label, of_boards
 from cusick_bench.leaderboard.text import TextTable
 from cusick_bench.metrics.found_stiffness import FoundStiffness
-from cusick_bench.report.cell_view import load_cell_view
+from cusick_bench.report.cell_view import CellView, load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
@@ -46,6 +47,8 @@ from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.runner.environment import code_text, hardware_text
 
 TITLE = "Cusick drape report"
+_OTHER_SAMPLES = "Some of the fits below are to other samples, as their own pictures show."
+_SAME = 1 / 255  # from which difference of a pixel on silhouettes are of two pictures
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
 
 Unseen = Mapping[tuple[str, tuple[int, ...]], Float[ndarray, "samples angles"]]
@@ -174,6 +177,7 @@ def _section(
 ) -> _Drawn:
     section, files = ClothSection(cloth, f"cloth-{number}", []), []
     models: list[DrapeModel] = []
+    trained: dict[str, CellView] = {}
     lines: list[StiffnessLine] = []
     for label, group in _in_order(cells.table, boards):
         of_cloth = group.loc[group["cloth"] == cloth].sort_values(by=["seed", "repeat"])
@@ -191,9 +195,10 @@ def _section(
         if section.real is None:
             text, real = real_drape(cloth, view)
             section = replace(section, text=text, real=real)
-            models.append(real_model(cloth, view))
+        if not any(_is_same(view.target, one.target) for one in trained.values()):
+            trained[label] = view
         if (model := fitted_model(cloth, label, anchor, view)) is not None:
-            models.insert(len(models) - 1, model)
+            models.append(model)
             card = replace(card, turnable=True)
         drape = drape_picture(view.vertices, view.faces, cloth, protocol=protocol)
         of_split = unseen.get((cloth, cell["test"]))
@@ -207,7 +212,22 @@ def _section(
     if lines:
         truth = any(line.found.true_bending for line in lines)
         section = replace(section, stiffness=stiffness_picture(cloth, lines), truth=truth)
-    return _Drawn(section, models if len(models) > 1 else [], files)
+    if len(trained) > 1:
+        section = replace(section, text=f"{section.text} {_OTHER_SAMPLES}")
+    return _Drawn(section, [*models, *_real_models(cloth, trained)] if models else [], files)
+
+
+def _is_same(one: ndarray, other: ndarray) -> bool:
+    """Whether two silhouettes are those of one picture."""
+    return one.shape == other.shape and float(np.abs(one - other).max()) < _SAME
+
+
+def _real_models(cloth: str, trained: Mapping[str, CellView]) -> list[DrapeModel]:
+    """The training samples of a cloth, by the first solver that was fitted to each."""
+    models = {label: real_model(cloth, view) for label, view in trained.items()}
+    if len(models) == 1:
+        return list(models.values())
+    return [replace(model, method=f"{model.method} of {label}") for label, model in models.items()]
 
 
 def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:

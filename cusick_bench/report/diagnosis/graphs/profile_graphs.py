@@ -19,7 +19,8 @@ from cusick_bench.report.drawing.radius_over_angle import (
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 _STEP = 3  # degrees from point to point of a line
-_MOST_LINES = 24  # drapes of a panel
+MOST_LINES = 24
+"""Most drapes of a panel; of more, so many evenly spaced ones."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 8.0, 12.0, 40.0  # room around the axes [px]
 _LINE = {
     "data": {"color": REAL, "linewidth": 2.6},
@@ -67,7 +68,7 @@ def every_graph(sided: Sided, source: str) -> Figure:
     label_axes(axes, _shared_limits(sided), "angle from warp [°]")
     draw_levels(axes)
     radii = np.concatenate([drapes.radii for drapes in sided.get(source, {}).values()])
-    for index in np.unique(np.linspace(0, len(radii) - 1, _MOST_LINES).astype(int)):
+    for index in np.unique(np.linspace(0, len(radii) - 1, MOST_LINES).astype(int)):
         draw_turn(axes, radii[index, ::_STEP], color=_LINE[source]["color"], linewidth=1, alpha=0.5)
     return figure
 

@@ -6,7 +6,13 @@ from dataclasses import dataclass, field
 from markupsafe import Markup
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
-from cusick_bench.report.diagnosis.graphs.profile_graphs import every_graph, mean_graph, silhouette_graph, sorted_graph
+from cusick_bench.report.diagnosis.graphs.profile_graphs import (
+    MOST_LINES,
+    every_graph,
+    mean_graph,
+    silhouette_graph,
+    sorted_graph,
+)
 from cusick_bench.report.diagnosis.graphs.profiles import SHAPE_MODES, Sided, mean_difference, sided_profiles
 from cusick_bench.report.diagnosis.wording.named_causes import model_with_cause, named_cause
 from cusick_bench.report.diagnosis.wording.number_format import plain
@@ -29,7 +35,8 @@ class ProfileSection:
         words: How far the models' mean outlines are from those of the data.
         key: Class of a line's key and its meaning.
         means: Mean outline by face.
-        drapes: Radius over angle of every drape, by source.
+        drapes: Radius over angle of drapes, by source.
+        shown: Which drapes these are.
         outlines: Silhouettes by face, and the sorted radii.
         modes: Most waves around a mean outline.
         faces: The faces that the data show, in words.
@@ -42,6 +49,7 @@ class ProfileSection:
     key: list[tuple[str, str]] = field(default_factory=list)
     means: list[NamedGraph] = field(default_factory=list)
     drapes: list[NamedGraph] = field(default_factory=list)
+    shown: str = ""
     outlines: list[NamedGraph] = field(default_factory=list)
     modes: int = SHAPE_MODES
     faces: str = ""
@@ -72,6 +80,7 @@ def profile_section(document: DiagnosisDocument) -> ProfileSection:
         key=[(_KEYS[source], name) for source, name in names.items()],
         means=[(_FACES[side], _mean(sided, side)) for side in sides],
         drapes=_drapes(sided, names, {**_SOURCES, "effect": model_with_cause(document)}),
+        shown=_shown(sided),
         outlines=[*((_FACES[side], _outline(sided, side)) for side in sides), ("Sorted radii", _sorted(sided, names))],
         faces=" and ".join(_FACES[side] for side in sides),
         has_band=any(len(drapes) > 1 for drapes in sided["data"].values()),
@@ -99,9 +108,24 @@ def _sorted(sided: Sided, names: Mapping[str, str]) -> Markup:
 
 def _drapes(sided: Sided, names: Mapping[str, str], headings: Mapping[str, str]) -> list[NamedGraph]:
     return [
-        (headings[source], inline_svg(every_graph(sided, source), f"Radius over angle of every drape: {name}"))
+        (headings[source], inline_svg(every_graph(sided, source), f"{_drapes_in_words(sided, source)}: {name}"))
         for source, name in names.items()
     ]
+
+
+def _count(sided: Sided, source: str) -> int:
+    return sum(map(len, sided[source].values()))
+
+
+def _drapes_in_words(sided: Sided, source: str) -> str:
+    count = _count(sided, source)
+    return f"Radius over angle of {'every drape' if count <= MOST_LINES else f'{MOST_LINES} of {count} drapes'}"
+
+
+def _shown(sided: Sided) -> str:
+    if all(_count(sided, source) <= MOST_LINES for source in sided):
+        return "Every drape"
+    return f"At most {MOST_LINES} drapes of each, evenly chosen"
 
 
 def _difference(sided: Sided, names: Mapping[str, str]) -> str:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
+from cusick_bench.report.diagnosis.wording.named_causes import stand_ins
 from cusick_bench.report.diagnosis.wording.number_format import percent
 
 _UNEXPLAINED = "unexplained"
@@ -34,7 +35,7 @@ def budget_table(document: DiagnosisDocument) -> BudgetTable | None:
         return None
     rows = [(one.effect, percent(one.share), _interval(one.ci90)) for one in document.budget]
     rows.append((_UNEXPLAINED, percent(document.share_left), _interval(document.unexplained.ci90)))
-    alike = [f"{group[0]} stands for one of {', '.join(group)}" for group in document.groups]
+    alike = [f"{name} stands for one of {', '.join(group)}" for name, group in stand_ins(document).items()]
     words = (
         "Share of the gap, in units of noise, that each effect takes on samples that its severity was not fitted to, "
         "the mean over all orders in which effects can be taken off."

@@ -124,7 +124,8 @@ def _remarks(cause: Cause, document: DiagnosisDocument) -> list[str]:
     fraction, interval = document.closure.fraction, document.closure.ci90
     if fraction is not None and cause.effect in named_causes(document):
         span = f" ({percent(interval[0])} to {percent(interval[1])})" if interval else ""
-        remarks.append(f"{'they close' if are_several(document) else 'closes'} {percent(fraction)} of the gap{span}")
+        alone = "this or a look-alike closes" if group else "closes"
+        remarks.append(f"{'they close' if are_several(document) else alone} {percent(fraction)} of the gap{span}")
     return remarks
 
 

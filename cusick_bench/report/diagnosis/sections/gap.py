@@ -6,7 +6,13 @@ from markupsafe import Markup
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.report.diagnosis.graphs.bars import Bar, closure_graph, gap_graph
-from cusick_bench.report.diagnosis.wording.named_causes import are_several, model_with_cause, named_cause
+from cusick_bench.report.diagnosis.wording.named_causes import (
+    are_several,
+    model_with_cause,
+    named_cause,
+    named_causes,
+    stand_ins,
+)
 from cusick_bench.report.diagnosis.wording.number_format import percent
 from cusick_bench.report.diagnosis.wording.words import chance, gap_in_words
 from cusick_bench.report.drawing.inline_svg import inline_svg
@@ -95,7 +101,18 @@ def closure_section(document: DiagnosisDocument) -> ClosureSection:
         if interval[0] <= 0:
             words += f", so {'they' if both else 'it'} may close nothing at all"
     graph = inline_svg(closure_graph(fraction, interval), words, "wide")
-    return ClosureSection(f"{words}.", graph, interval is not None)
+    return ClosureSection(" ".join([f"{words}.", *_alike(document)]), graph, interval is not None)
+
+
+def _alike(document: DiagnosisDocument) -> list[str]:
+    """A sentence for each group of look-alikes out of which one was simulated."""
+    simulated = named_causes(document)
+    return [
+        f"Here {name} stands for one of {', '.join(group)}: where another of them came nearer to the fitted samples, "
+        "it may have been simulated in its place."
+        for name, group in stand_ins(document).items()
+        if name in simulated
+    ]
 
 
 def _why_no_closure(document: DiagnosisDocument) -> str:

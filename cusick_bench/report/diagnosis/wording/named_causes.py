@@ -31,6 +31,19 @@ def are_several(document: DiagnosisDocument) -> bool:
     return len(named_causes(document)) > 1
 
 
+def stand_ins(document: DiagnosisDocument) -> dict[str, tuple[str, ...]]:
+    """Look-alikes that one of them stands for in models and on the page.
+
+    Args:
+        document: The diagnosis.
+
+    Returns:
+        Each group by the one that stands for it: that which models hold, or else the first.
+    """
+    held = named_causes(document)
+    return {next((name for name in group if name in held), group[0]): group for group in document.groups if group}
+
+
 def named_cause(document: DiagnosisDocument) -> str:
     """The named causes as one name.
 
