@@ -12,7 +12,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from cusick_bench.cli.common import interruptible, stop_on_termination
+from cusick_bench.cli.common import interruptible, stop_on_termination, whole_output
 from cusick_bench.cli.verbosity import QUIET, VERBOSE, Version, message_options, messages, tell_less, tell_more
 from cusick_bench.sim.errors import did_you_mean
 
@@ -139,7 +139,8 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # help pages too where the encoding is ASCII
     stop_on_termination()
     _check_surroundings()
-    app()
+    with whole_output():
+        app()
 
 
 def _check_surroundings() -> None:

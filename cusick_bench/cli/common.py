@@ -1,13 +1,14 @@
 """What every command shares: notes on standard error, one JSON document on standard output, exit codes.
 
-Exit status 0: done. 1: a check failed. 2: bad usage or bad input. 3: nothing could be decided (`check`).
-130: interrupted (Ctrl-C). 143: terminated (SIGTERM).
+Exit status 0: done. 1: a check failed, or the reader of standard output has left. 2: bad usage or bad input. 3: nothing
+could be decided (`check`). 130: interrupted (Ctrl-C). 143: terminated (SIGTERM).
 """
 
 from __future__ import annotations
 
 import functools
 import logging
+import os
 import shlex
 import signal
 import sys
@@ -26,6 +27,8 @@ from cusick_bench.sim.errors import CusickError, failure_text, stop_behind
 if TYPE_CHECKING:
     from cusick_bench.leaderboard import Cells
 
+READER_LEFT = 1  # exit status where nobody reads standard output any more
+BAD_INPUT = 2
 INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
 TERMINATED = 143  # exit status: 128 + SIGTERM
 UNDECIDED = 3  # exit status of a check that had too little to compare
@@ -97,6 +100,46 @@ def command_with(*words: object) -> str:
         The line.
     """
     return shlex.join(["cusick-bench", *map(str, words)])
+
+
+@contextmanager
+def whole_output() -> Iterator[None]:
+    """Ends the program with a status of this page where standard output cannot take all that was printed.
+
+    What is short reaches a pipe or a file only when the program ends, and help pages and the version are printed by no
+    command.
+
+    Raises:
+        SystemExit: The program has ended.
+    """
+    told = False  # by the command itself
+    try:
+        try:
+            yield
+        except SystemExit as ended:
+            told = ended.code == BAD_INPUT
+            if sys.stdout is not None:
+                sys.stdout.flush()
+            raise
+    except BrokenPipeError as error:
+        _give_up_output()
+        raise SystemExit(READER_LEFT) from error
+    except OSError as error:
+        if error.filename is not None:  # not standard output, which is open already
+            raise
+        _give_up_output()
+        if not told:
+            fail(f"{error.strerror or error}; let standard output go elsewhere, or free some space")
+        raise SystemExit(BAD_INPUT) from error
+
+
+def _give_up_output() -> None:
+    """Lets what is left go nowhere, or Python would try again to write it, and complain."""
+    if sys.stdout is None:
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 class Terminated(KeyboardInterrupt):
@@ -209,6 +252,6 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
             message = "a worker process was killed, probably out of memory; repeat the command with fewer --workers"
             cause = error
         fail(message)
-        raise typer.Exit(2) from cause
+        raise typer.Exit(BAD_INPUT) from cause
 
     return guarded

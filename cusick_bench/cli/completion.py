@@ -62,12 +62,23 @@ def complete_cloth(ctx: Any, incomplete: str) -> list[str]:
     from cusick_bench.datasets.files.layout import scan
     from cusick_bench.datasets.registry import folder_of
 
-    data = ctx.params.get("data") or ctx.params.get("name_or_path") or "synthetic"
+    data = _data_asked(ctx)
     try:
-        silhouettes = scan(folder_of(data)).silhouettes
+        silhouettes = scan(folder_of(data)).silhouettes if data else ()
     except (CusickError, OSError):
         return []
     return _beginning(dict.fromkeys(entry.cloth for entry in silhouettes), incomplete)
+
+
+_DATA_ARGUMENTS = ("data", "name_or_path", "folder")  # arguments that name a data set; that of `verify` names a run
+
+
+def _data_asked(ctx: Any) -> str | None:
+    """Data set that the command line names; while an option lacks its value, arguments are unread in `ctx.args`."""
+    arguments = [one.name for one in ctx.command.params if one.param_type_name == "argument"]
+    if arguments and arguments[0] in _DATA_ARGUMENTS:
+        return ctx.args[0] if ctx.args else ctx.params.get(arguments[0])
+    return ctx.params.get("data")
 
 
 def _beginning(names: Any, incomplete: str) -> list[str]:

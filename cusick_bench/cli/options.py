@@ -246,7 +246,12 @@ def not_one(samples: int) -> int:
 
 # Diagnosis
 DiagnosedData = Annotated[
-    str, typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA")
+    str,
+    typer.Argument(
+        help="Data set: name or folder; by default the release in CUSICK_DATA.",
+        metavar="DATA",
+        autocompletion=complete_data,
+    ),
 ]
 Atlas = Annotated[Path, diagnosis_option(help="Fitted atlas, from `atlas fit`.")]
 WithoutEffect = Annotated[

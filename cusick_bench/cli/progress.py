@@ -19,6 +19,7 @@ INTERVAL = 10.0  # [s] between two lines where there is no terminal
 JUDGED_SHARE = 0.05  # least share of the work from which the speed is estimated
 JUDGED_FROM_START = 0.1  # the same, where the start-up is included
 JUDGED_SECONDS = 5.0  # [s] least time of work from which the speed is estimated
+AT_ONCE = 20.0  # times faster than the next step: what an earlier command has done, and this one only counts
 
 
 @dataclass
@@ -38,10 +39,12 @@ class Tally:
     done: float = 0.0
     begun: int = 0
     clock: Callable[[], float] = time.monotonic
+    _began: float = field(init=False)
     _marks: list[tuple[float, float]] = field(default_factory=list)  # start, first progress, last progress
 
     def __post_init__(self) -> None:
-        self._marks.append((self.clock(), self.done))
+        self._began = self.clock()
+        self._marks.append((self._began, self.done))
 
     def mark(self, done: float) -> None:
         """So much is done in all.
@@ -50,17 +53,26 @@ class Tally:
             done: In the unit of `total`.
         """
         if done > self.done:
-            self._marks = [*self._marks[:2], (self.clock(), done)]
+            now = self.clock()
+            if self._was_counted(now, done):
+                self._marks = [self._marks[-1]]
+            self._marks = [*self._marks[:2], (now, done)]
         self.done = done
+
+    def _was_counted(self, now: float, done: float) -> bool:
+        """Whether the steps before this one were no work, since they took next to no time beside it."""
+        (start, before), (last, made) = self._marks[0], self._marks[-1]
+        return done > made and (now - last) * (made - before) > AT_ONCE * (last - start) * (done - made)
 
     def seconds(self) -> float:
         """Time since the work began [s]."""
-        return self.clock() - self._marks[0][0]
+        return self.clock() - self._began
 
     def seconds_left(self) -> float | None:
         """Estimated time for the rest of the work [s]; None while too little is done for an estimate.
 
         As soon as possible the speed is estimated without the start-up, in which libraries are loaded and compiled.
+        What an earlier command has done, or a journal repeats, tells nothing of the speed.
         """
         if not self.total or len(self._marks) < 2:
             return None

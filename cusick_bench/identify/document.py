@@ -81,6 +81,7 @@ class Fit(Part):
         sample: Number of its sample.
         samples: Samples that the stiffness was learned from, that one and others.
         faces: Faces of them that it was learned from, 1 or 2.
+        turned: How many of these samples it was learned from with the other face up, too.
         drape_coefficient: Its drape coefficient.
         simulated_drape_coefficient: That of the fitted drape.
         mse: Mean squared error of the fitted silhouette.
@@ -96,6 +97,7 @@ class Fit(Part):
     sample: int
     samples: int = 1
     faces: int = 1
+    turned: int = 0
     drape_coefficient: float | None = None
     simulated_drape_coefficient: float | None = None
     mse: float | None = None

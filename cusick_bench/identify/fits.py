@@ -229,6 +229,7 @@ def run_fits(
             sample=int(row["sample"]),
             samples=len(own),
             faces=2 if other else 1,
+            turned=len(other),
             drape_coefficient=metrics.get("train_dc_target"),
             simulated_drape_coefficient=metrics.get("train_dc"),
             mse=metrics.get("train_mse"),

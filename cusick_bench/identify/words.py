@@ -49,15 +49,15 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
             f"found too limp; leave out --vertices, or take {VERTICES_TO_FIT} of them."
         )
     if fit.samples > 1:
-        faces = "both faces of " if fit.faces > 1 else ""
         notes.append(
-            f"Stiffness and interval are what {faces}{fit.samples} samples tell of the cloth together; the drape shown "
-            f"is fitted to sample {fit.sample}, whose drape coefficient is the median."
+            f"Stiffness and interval are what {_learned_from(fit)} tell of the cloth together; the drape shown is "
+            f"fitted to sample {fit.sample}, whose drape coefficient is the median."
         )
     elif samples > 1:
+        drapes, tell = ("two drapes, both faces", "two drapes tell") if fit.turned else ("one drape", "one drape tells")
         notes.append(
-            f"Stiffness is that of one drape, of sample {fit.sample}, whose drape coefficient is the median; the "
-            "interval says how far one drape tells the cloth's stiffness."
+            f"Stiffness is that of {drapes}, of sample {fit.sample}, whose drape coefficient is the median; the "
+            f"interval says how far {tell} the cloth's stiffness."
         )
     else:
         notes.append("Stiffness is from the only sample; another piece of the cloth may be stiffer or limper.")
@@ -71,6 +71,13 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
     if any(one.ci90 is None for one in fit.stiffness.values()):
         notes.append(f"{fit.solver} has no posterior, so there is no interval; bdp-field has one.")
     return notes
+
+
+def _learned_from(fit: Fit) -> str:
+    """The samples behind a stiffness, with the faces that they show."""
+    if 0 < fit.turned < fit.samples:
+        return f"{fit.samples} samples and the other face of {fit.turned} of them"
+    return f"{'both faces of ' if fit.turned else ''}{fit.samples} samples"
 
 
 def left_out_notes(dataset: DrapeDataset, fabric: str) -> list[str]:

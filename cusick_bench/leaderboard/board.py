@@ -30,6 +30,7 @@ from cusick_bench.leaderboard.bootstrap import (
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells.commands import command_record
 from cusick_bench.leaderboard.cells.loading import Cells, Skipped
+from cusick_bench.leaderboard.cells.plausible import largest
 from cusick_bench.leaderboard.cells.variants import BOARD, Problem, failures, method_label, problems_run, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
@@ -214,7 +215,10 @@ class _Ranking:
             failed=failed,
             cloths=cloths,
             draws=draws.pop() if len(draws) == 1 else nan,
-            estimates={name: estimate(values, self.statistic, self.generator) for name, values in columns.items()},
+            estimates={
+                name: estimate(values, self.statistic, self.generator, largest(name))
+                for name, values in columns.items()
+            },
             means={name: float(STATISTICS["mean"](array)) for name, array in arrays.items()},
             iqms={name: float(STATISTICS["iqm"](array)) for name, array in arrays.items()},
             matched_null=self._matched_null(group, table),
@@ -251,7 +255,7 @@ class _Ranking:
             failed=0,
             cloths=tuple(sorted(cloth for cloth, _ in values)),
             draws=nan,
-            estimates={"test_mse": estimate(values, self.statistic, self.generator)},
+            estimates={"test_mse": estimate(values, self.statistic, self.generator, largest("test_mse"))},
             means={"test_mse": float(STATISTICS["mean"](array))},
             iqms={"test_mse": float(STATISTICS["iqm"](array))},
         )

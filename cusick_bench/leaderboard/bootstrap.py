@@ -32,7 +32,7 @@ References:
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, isfinite, nan
+from math import exp, inf, isfinite, nan
 
 import numpy as np
 import pandas as pd
@@ -131,20 +131,23 @@ def cell_values(table: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
     return {(str(cloth), number): float(value) for cloth, number, value in cells if isfinite(value)}
 
 
-def estimate(values: Values, statistic: Statistic, generator: np.random.Generator) -> Estimate:
+def estimate(values: Values, statistic: Statistic, generator: np.random.Generator, most: float = inf) -> Estimate:
     """Statistic of one solver's values with its interval.
 
     Args:
         values: A value for each cell (cloth, seed).
         statistic: One of `STATISTICS`.
         generator: Source of the resamples.
+        most: Largest value that there can be, such as 1 of shares.
 
     Returns:
-        The statistic with its 95 % interval, which ends at 0 where no value is negative.
+        The statistic with its 95 % interval, which ends at 0 where no value is negative, and at `most`.
     """
     found = _interval([values], lambda columns: statistic(columns[0]), generator)
-    none_negative = min(values.values(), default=-1.0) >= 0  # nor is their mean, however few they are
-    return replace(found, low=max(found.low, 0.0)) if none_negative and isfinite(found.low) else found
+    if not isfinite(found.low):
+        return found
+    least = 0.0 if min(values.values()) >= 0 else -inf  # of no values that are negative no mean is, however few
+    return replace(found, low=max(found.low, least), high=min(found.high, most))
 
 
 def geometric_mean(logarithms: Values, generator: np.random.Generator) -> Estimate:

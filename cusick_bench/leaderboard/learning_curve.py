@@ -16,6 +16,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import Split
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, estimate, mean
 from cusick_bench.leaderboard.cells.loading import Cells
+from cusick_bench.leaderboard.cells.plausible import largest
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.stiffness import stiffness_scores
 from cusick_bench.metrics.found_stiffness import FoundStiffness
@@ -182,4 +183,4 @@ def trained_on(table: pd.DataFrame) -> pd.Series:
 
 def _estimate(part: pd.DataFrame, name: str, generator: np.random.Generator) -> Estimate:
     values = cell_values(part, name)
-    return estimate(values, mean, generator) if values else Estimate(np.nan, np.nan, np.nan)
+    return estimate(values, mean, generator, largest(name)) if values else Estimate(np.nan, np.nan, np.nan)

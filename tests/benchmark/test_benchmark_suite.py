@@ -70,3 +70,12 @@ def test_an_interrupted_benchmark_says_where_its_parts_lie(stopped_at_the_second
     assert kept["missing"] == list(PARTS)
     assert str(out) in "".join(done.stderr.split("\n"))
     assert "meshes, device, laws" in done.stderr
+
+
+def test_a_quiet_benchmark_does_not_say_what_it_writes(tmp_path, monkeypatch):
+    monkeypatch.setattr(suite, "benchmark", lambda plan, done, keep: {"missing": []})
+    monkeypatch.setattr("cusick_bench.benchmark.text.markdown", lambda document, command: "")
+    for words, told in ((["-q"], False), ([], True)):
+        done = CliRunner().invoke(app, ["benchmark", "--out", str(tmp_path / "b.json"), "--json", *words])
+        assert done.exit_code == 0, done.output
+        assert ("wrote" in done.stderr) == told

@@ -132,6 +132,45 @@ def test_the_tables_command_can_be_typed_again(tmp_path: Path, monkeypatch) -> N
     assert f"Command: `{shlex.join(['cusick-bench', *words])}`. " in (out / "calibration.md").read_text()
 
 
+def test_what_no_fit_can_do_is_told_before_the_first(tmp_path: Path, monkeypatch) -> None:
+    """A folder that cannot be made cost a fit, and too few vertices were told once for each fit."""
+    made: list[int] = []
+
+    def fit(plan: CalibrationPlan, number: int, simulators: object = None) -> CalibrationFit:
+        made.append(number)
+        return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))
+
+    monkeypatch.setattr(calibration, "calibration_fit", fit)
+    words = ["posterior-calibration", "--solver", "bdp", "--fits", "2", "--workers", "1"]
+    (tmp_path / "file").write_text("")
+    for more, says in (
+        (["--out", str(tmp_path / "file")], "File exists"),
+        (["--vertices", "40"], "a disc needs at least 60 vertices, got 40"),
+    ):
+        result = CliRunner().invoke(app, [*words, *more])
+        assert result.exit_code == 2
+        assert " ".join(result.stderr.split()).count(says) == 1
+    assert made == []
+
+
+def test_a_solver_that_is_named_twice_is_fitted_once_and_its_fits_are_counted(monkeypatch) -> None:
+    made: list[int] = []
+
+    def fit(plan: CalibrationPlan, number: int, simulators: object = None) -> CalibrationFit:
+        made.append(number)
+        if number == 1:
+            raise ValueError("singular")
+        return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))
+
+    monkeypatch.setattr(calibration, "calibration_fit", fit)
+    words = ["posterior-calibration", "--solver", "bdp", "--solver", "bdp", "--fits", "37", "--workers", "1"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 1
+    assert made == list(range(37))
+    (line,) = (line for line in result.stdout.splitlines() if "warp" in line)
+    assert [words.strip() for words in line.split("│")][1:4] == ["bdp", "warp", "36"], "of 37"
+
+
 def test_a_damaged_file_says_where(tmp_path: Path) -> None:
     FitFile(tmp_path).path.write_text('{"number": 1}\n')
     with pytest.raises(CalibrationError, match="line 1 is no finished fit"):

@@ -170,6 +170,38 @@ def test_a_reader_that_has_left_ends_tables_and_json_alike(form):
     assert (done.returncode, done.stderr) == (1, "")
 
 
+def _buffered(words: list[str], stdout: int) -> subprocess.CompletedProcess[str]:
+    """A command whose output leaves it when it is whole, or fills a buffer, as where nobody asks for anything else."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    words = [sys.executable, "-m", "cusick_bench", *words]
+    return subprocess.run(words, stdout=stdout, stderr=subprocess.PIPE, text=True, env=environment, check=False)
+
+
+@pytest.mark.parametrize("words", [["datasets", "--json"], ["data", "info", "synthetic"], ["--version"], ["--help"]])
+def test_output_that_finds_no_room_is_told_in_one_line(words):
+    """Also what is so short that it is written only when the program ends, and what no command prints."""
+    if not os.path.exists("/dev/full"):
+        pytest.skip("this system has no device that is always full")
+    full = os.open("/dev/full", os.O_WRONLY)
+    try:
+        done = _buffered(words, full)
+    finally:
+        os.close(full)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("error: No space left on device; ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_reader_that_has_left_ends_a_short_document_alike():
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = _buffered(["datasets", "--json"], writer)
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
 def test_an_error_without_a_file_names_none(capsys):
     """Writing to a file that is open already tells no name."""
 

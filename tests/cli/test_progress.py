@@ -136,6 +136,26 @@ class TestTimeLeft:
         assert tally.seconds_left() == pytest.approx(8)
         assert tally.line() == "cells: 96 % (96 of 100), 20 s, about 8 s left"
 
+    def test_what_is_there_already_says_nothing_of_the_speed(self):
+        """As of a suite that goes on: thirty cases of two hundred are counted at once, then each takes a minute."""
+        counted = [(0.2 + number / 1000, number + 1) for number in range(30)]
+        assert self.left_after([*counted, (60, 31)], total=200) is None
+        made = [(60 * number, 30 + number) for number in range(1, 12)]
+        assert self.left_after([*counted, *made], total=200) == pytest.approx(60 * (200 - 41))
+
+    def test_what_is_there_already_may_come_in_one_step(self):
+        """As of an atlas: a thousand of two thousand, then two seconds each."""
+        steps = [(2 * number, 1000 + number) for number in range(150)]
+        assert self.left_after(steps[:6], total=2000) is None
+        assert self.left_after([(0.2, 1000), *steps[1:]], total=2000) == pytest.approx(2 * 851)
+
+    def test_the_time_spent_holds_what_was_there_already(self):
+        clock = Clock()
+        tally = Tally("cases", 200, clock=clock)
+        for clock.now, done in [(1, 30), (61, 31)]:
+            tally.mark(done)
+        assert tally.line() == "cases: 16 % (31 of 200), 1 min 01 s"
+
 
 @pytest.mark.parametrize(
     ("seconds", "text"), [(40.4, "40 s"), (130, "2 min 10 s"), (11100, "3 h 05 min"), (60, "1 min 00 s")]

@@ -84,6 +84,19 @@ def test_cloths_of_the_data_are_completed():
     assert offered == [f"fabric_{fabric}" for fabric in range(1, 6)]
 
 
+@pytest.mark.parametrize("words", ["data stats DATA", "identify DATA", "diagnose DATA", "run --data DATA"])
+def test_cloths_are_those_of_the_data_that_are_named(words, tmp_path):
+    """The shell asks while `--cloth` lacks its value, and the parser has not come to the arguments then."""
+    picture = tmp_path / "data" / "Fabric 7" / "silhouettes" / "Fabric_7_Sample_1_Capture_1.jpg"
+    picture.parent.mkdir(parents=True)
+    picture.touch()
+    assert _completed(f"{words.replace('DATA', str(tmp_path))} --cloth ")[1] == ["fabric_7"]
+
+
+def test_cloths_of_a_run_are_not_those_of_the_shipped_data(tmp_path):
+    assert _completed(f"verify {tmp_path} --cloth ")[1] == []
+
+
 def test_no_cloth_is_offered_of_data_that_cannot_be_read():
     assert _completed("run --data nowhere --cloth fab")[1] == []
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from html_page import Page
+from identified import made_up_fit
 from identify_command import CHEAP, identify, said
 
 from cusick_bench.datasets import DrapeDataset, load
@@ -180,3 +181,19 @@ def test_limp_cloth_on_a_coarse_mesh_is_said_to_be_found_too_limp(answer, coeffi
     )
     notes = " ".join(fit_notes(fit, 3, vertices))
     assert ("found too limp" in notes) is warned
+
+
+@pytest.mark.parametrize(
+    ("samples", "turned", "says"),
+    [
+        (12, 0, "what 12 samples tell of the cloth together"),
+        (12, 12, "what both faces of 12 samples tell of the cloth together"),
+        (12, 3, "what 12 samples and the other face of 3 of them tell of the cloth together"),
+        (1, 0, "that of one drape, of sample 1, whose drape coefficient is the median; the interval says how far one"),
+        (1, 1, "that of two drapes, both faces, of sample 1, whose drape coefficient is the median; the interval says"),
+    ],
+)
+def test_a_stiffness_is_said_to_be_of_the_drapes_that_it_was_learned_from(samples, turned, says):
+    """Other faces of three samples were called both faces of twelve, and two faces of one sample one drape."""
+    fit = made_up_fit().model_copy(update={"samples": samples, "faces": 1 + bool(turned), "turned": turned})
+    assert says in " ".join(fit_notes(fit, 12, 600))

@@ -59,6 +59,12 @@ def test_a_mean_of_values_that_are_never_negative_is_not_negative(noise):
     assert difference(errors, {cell: 0.0 for cell in errors}, mean, noise).low < 0
 
 
+def test_a_mean_of_shares_is_no_more_than_all(noise):
+    shares = {("blue", 0): 1.0, ("red", 0): 1.0, ("white", 0): 0.25}
+    assert estimate(shares, mean, noise).high > 1
+    assert estimate(shares, mean, noise, 1.0).high == 1
+
+
 def test_the_interval_of_a_geometric_mean_knows_no_unit_and_no_direction():
     """Stretch stiffnesses in N/m and kN/m, and ratios to the one run or to the other."""
 

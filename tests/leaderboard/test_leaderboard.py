@@ -55,6 +55,13 @@ def test_null_rows_are_ranked_and_oracles_and_the_floor_are_not(tmp_path):
     assert board.rows[0].value("test_mse") == pytest.approx(0.0064)
 
 
+def test_an_overlap_is_known_to_be_no_more_than_all(tmp_path):
+    for place, cloth in enumerate(CLOTHS):
+        write_cell(tmp_path, "homo", cloth, test_iou=1.0 if place else 0.5)
+    (row,) = (row for row in only(tmp_path).rows if row.solver == "homo")
+    assert row.estimates["test_iou"].high == 1
+
+
 def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
     write_solver(tmp_path, "homo", lambda cloth, seed: 0.05 + 1e-4 * seed)
     for cloth in CLOTHS[:3]:

@@ -117,6 +117,18 @@ def test_steps_are_means_over_cloths() -> None:
     assert (one.coverage, eight.coverage) == (1.0, 0.0)
 
 
+def test_the_interval_of_a_share_ends_at_all_of_them() -> None:
+    """Four unseen samples of each of five cloths: 85 % held, and the interval went to 109 %."""
+    held = (1.0, 1.0, 1.0, 1.0, 0.25)
+    rows = [
+        cell(1, cloth, 0.01, 2.0, 3.0) | {"test_dc_cover_90": one} for cloth, one in zip("abcde", held, strict=True)
+    ]
+    (step,) = learning_curve(cells_of(rows))
+    share = step.metrics["test_dc_cover_90"]
+    assert share.value == pytest.approx(0.85)
+    assert (0 < share.low < share.value, share.high) == (True, 1)
+
+
 def test_one_cloth_has_a_step_too() -> None:
     (step,) = learning_curve(cells_of([cell(2, "a", 0.01, 2.0, 3.0)]))
     assert (step.samples, step.error_factor, step.coverage) == (2, pytest.approx(2.0), 1.0)

@@ -135,6 +135,22 @@ def test_draws_are_not_judged_beside_what_they_were_fitted_to(toy_dataset, tmp_p
         radius_angle(load_cells(tmp_path), toy_dataset)
 
 
+def test_fits_of_several_splits_stand_apart(toy_dataset, tmp_path):
+    """Fits of one and of two samples of a learning curve were one solver of twice as many draws."""
+    for samples in (1, 2):
+        for cloth in CLOTHS:
+            own = held_out_images(toy_dataset, cloth)[:samples]
+            cell = write_cell(tmp_path, toy_dataset, "right", cloth, own, seed=samples)
+            for name in ("cell.json", "result.json"):
+                of_split = {"seed": 0, "protocol": f"first-{samples}"}
+                (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | of_split))
+    cells, labels = load_cells(tmp_path), [f"right, split first-{samples}" for samples in (1, 2)]
+    study = radius_angle(cells, toy_dataset)
+    assert [group.label for group in study.drawn] == labels
+    assert [group.confusion.counts.sum() for group in study.drawn] == [2, 4]
+    assert all(list(strip.predicted) == labels for strip in held_out(cells, toy_dataset, ["right"]))
+
+
 def test_draws_of_either_face_are_as_many_as_samples_of_it(tmp_path):
     """They are stored in turn, and every second one was taken: all of one face, for samples of both."""
     dataset = load(write_toy(tmp_path / "data", fabrics=(1, 4), samples=4, captures=4, meshes=False))
@@ -328,6 +344,20 @@ def test_other_data_than_the_run_are_refused(run, tmp_path):
     assert outcome.exit_code == 2
     assert "must be those of the run" in " ".join(outcome.output.split())
     assert not (tmp_path / "figure").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_anything_is_drawn(run, toy_data, tmp_path, monkeypatch):
+    def drawn(*_: object, **__: object) -> None:
+        raise AssertionError("drawn for nothing")
+
+    for place in ("side_by_side.fitted", "side_by_side.held_out", "radius_angle.radius_angle"):
+        monkeypatch.setattr(f"cusick_bench.report.figures.{place}", drawn)
+    (tmp_path / "file").write_text("")
+    for command in ("figure-6", "figure-7", "figure-8"):
+        words = [command, str(run), "--data", str(toy_data), "--out", str(tmp_path / "file")]
+        outcome = CliRunner().invoke(app, words)
+        assert outcome.exit_code == 2, outcome.output
+        assert "File exists" in outcome.output
 
 
 def test_a_name_without_options_stands_for_all_that_it_has(toy_dataset, tmp_path):

@@ -259,11 +259,15 @@ def calibration_fits(
 
     Raises:
         CalibrationError: The solver gives no posterior, or no cloth of its prior drapes.
+        SimulationError: There is no mesh of so few vertices.
     """
     from concurrent.futures import as_completed
 
     from cusick_bench.runner.processes import process_pool
+    from cusick_bench.sim.cloth.resolution import cloth_mesh
 
+    if numbers:
+        cloth_mesh(plan.law, plan.vertices)  # else every fit would fail by itself
     if workers == 1:
         from cusick_bench.sim.setup import Simulators
 

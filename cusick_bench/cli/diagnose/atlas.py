@@ -134,7 +134,7 @@ def fit_atlas(
     shares: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
     if check:
-        with progress_bar("checking the fits"):
+        with progress_bar("checking the fits"), interruptible(f"the atlas is written to {out}, but not checked"):
             shares = {name: one.tolist() for name, one in unexplained(design, points, emulator).items()}
             errors = {name: one.tolist() for name, one in error_of_means(design, points, emulator).items()}
     if as_json:

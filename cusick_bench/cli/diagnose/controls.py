@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.completion import complete_cloth
 from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made, require_csv
@@ -37,7 +38,12 @@ def diagnose_controls(
     data: DiagnosedData = "cusick",
     fabric: Annotated[
         list[str] | None,
-        typer.Option("--cloth", "--fabric", help="Cloth to control; repeatable; by default all with six samples."),
+        typer.Option(
+            "--cloth",
+            "--fabric",
+            help="Cloth to control; repeatable; by default all with six samples.",
+            autocompletion=complete_cloth,
+        ),
     ] = None,
     control: Annotated[
         list[str] | None,

@@ -10,6 +10,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.completion import complete_cloth
 from cusick_bench.cli.options import (
     Atlas,
     DiagnosedData,
@@ -42,7 +43,12 @@ def diagnose_data(
     data: DiagnosedData = "cusick",
     fabric: Annotated[
         list[str] | None,
-        typer.Option("--cloth", "--fabric", help="Cloth to diagnose; repeatable; by default all with three samples."),
+        typer.Option(
+            "--cloth",
+            "--fabric",
+            help="Cloth to diagnose; repeatable; by default all with three samples.",
+            autocompletion=complete_cloth,
+        ),
     ] = None,
     samples: SimulatedSamples = Options.samples,
     without_effect: WithoutEffect = None,

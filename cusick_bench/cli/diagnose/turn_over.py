@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
+from cusick_bench.cli.completion import complete_cloth
 from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.errors import DiagnosisError
@@ -35,7 +36,12 @@ def diagnose_turn_over(
     data: DiagnosedData = "cusick",
     fabric: Annotated[
         list[str] | None,
-        typer.Option("--cloth", "--fabric", help="Cloth to look at; repeatable; by default all with both faces."),
+        typer.Option(
+            "--cloth",
+            "--fabric",
+            help="Cloth to look at; repeatable; by default all with both faces.",
+            autocompletion=complete_cloth,
+        ),
     ] = None,
     atlas: Atlas = SHIPPED,
     force: Force = False,

@@ -13,6 +13,7 @@ from cusick_bench.cli.common import interruptible, output, print_json, tell, tel
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.cli.progress import Bar, progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.report.figures import CLASSIFIED_DRAWS, SHOWN_SAMPLES
 from cusick_bench.runner.labels import unspaced
 from cusick_bench.runner.store import write_json
@@ -106,7 +107,6 @@ def figure_8(
     shown = len(entrants(cells, solver, kinds=("solver", "null")))
     with _drawing(out, _cloths(cells) * (1 + shown)) as bar:
         study = radius_angle(cells, dataset, solver, draws=draws, progress=bar.begin)
-        out.mkdir(parents=True, exist_ok=True)
         paths = [out / "figure-8.png", out / "figure-8-confusion.png"]
         save_radius_angle(study, paths[0])
         save_confusion(study, paths[1])
@@ -140,7 +140,8 @@ def _cloths(cells: Cells) -> int:
 @contextmanager
 def _drawing(out: Path, steps: int) -> Iterator[Bar]:
     """Progress of a figure, in steps that are announced when they begin."""
-    with progress_bar("reading data", steps) as bar, interruptible(f"pictures that were ready are in {out}"):
+    kept = interruptible(f"pictures that were ready are in {out}")
+    with folder_made(out), progress_bar("reading data", steps) as bar, kept:
         yield bar
 
 
@@ -148,7 +149,6 @@ def _sheet(strips: list[Strip], out: Path, name: str, title: str, bar: Bar) -> P
     from cusick_bench.report.figures.side_by_side import save_strips
 
     bar.begin(f"drawing {name}")
-    out.mkdir(parents=True, exist_ok=True)
     save_strips(strips, out / name, title)
     return out / name
 

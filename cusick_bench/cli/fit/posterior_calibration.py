@@ -24,6 +24,7 @@ from cusick_bench.cli.options import (
     output_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 
 if TYPE_CHECKING:
     from cusick_bench.benchmark.posterior_calibration.calibration import CalibrationFit, CalibrationPlan, FailedFit
@@ -56,9 +57,8 @@ def posterior_calibration(
     from cusick_bench.benchmark.posterior_calibration.calibration import CalibrationPlan, calibration_table
     from cusick_bench.benchmark.posterior_calibration.table import FitFile
 
-    plans = [
-        CalibrationPlan(one, fits, vertices, budget, law.value, seed) for one in solver or [CalibrationPlan.solver]
-    ]
+    solvers = dict.fromkeys(solver or [CalibrationPlan.solver])
+    plans = [CalibrationPlan(one, fits, vertices, budget, law.value, seed) for one in solvers]
     file = None if out is None else FitFile(out)
     finished: dict[CalibrationPlan, list[CalibrationFit]] = {}
     failed: list[str] = []
@@ -89,7 +89,8 @@ def _fitted(plan: CalibrationPlan, file: FitFile | None, workers: int) -> tuple[
     fits, failed = {} if file is None else file.read(plan), []
     lacking = [number for number in range(plan.fits) if number not in fits]
     kept = "nothing was written" if file is None else f"finished fits are kept in {file.out}"
-    with progress_bar("fitting", len(lacking)) as bar, interruptible(kept, go_on=file is not None):
+    room = folder_made(None if file is None else file.out)
+    with room, progress_bar("fitting", len(lacking)) as bar, interruptible(kept, go_on=file is not None):
         for fit in calibration_fits(plan, lacking, workers):
             if isinstance(fit, FailedFit):
                 failed.append(fit)
@@ -104,12 +105,14 @@ def _fitted(plan: CalibrationPlan, file: FitFile | None, workers: int) -> tuple[
 def _print_table(rows: list[dict[str, Any]], plan: CalibrationPlan) -> None:
     title = f"{plan.fits} cloths of each solver's prior, {plan.vertices} vertices, law {plan.law}"
     table = Table(
-        "solver", "bending", "50 % interval holds", "90 % interval holds", "ranks", "p", "found / true", title=title
-    )
+        "solver", "bending", "fits", "50 % interval holds", "90 % interval holds", "ranks", "p", "found / true",
+        title=title,
+    )  # fmt: skip
     for row in rows:
         table.add_row(
             row["solver"],
             row["direction"],
+            str(row["fits"]),
             *(_share(row, name) for name in ("cover_50", "cover_90")),
             " ".join(map(str, row["ranks"])),
             f"{row['p_uniform']:.2g}",

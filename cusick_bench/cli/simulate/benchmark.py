@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import command_line, console, interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import command_line, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     MOST_STEPS,
     MOST_VERTICES,
@@ -117,7 +117,7 @@ def benchmark(
         document = run_benchmark(plan, done, kept.keep)
     page = out.with_suffix(".md")
     write_atomically(page, markdown(document, command_line()).encode())
-    console.print(f"wrote {out} and {page}")
+    tell(f"wrote {out} and {page}")
     if as_json:
         print_json(document)
         return

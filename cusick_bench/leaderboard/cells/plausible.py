@@ -53,6 +53,18 @@ def implausible(name: str, value: float) -> str:
     return ""
 
 
+def largest(name: str) -> float:
+    """Largest value that a metric or cost can have.
+
+    Args:
+        name: Its name.
+
+    Returns:
+        The value; infinity where there is none.
+    """
+    return next((high for pattern, _, high in _LIMITS if pattern.search(name)), inf)
+
+
 def name_of(what: str, value: Any) -> str:
     """A name that stands in a file.
 

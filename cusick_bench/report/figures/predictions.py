@@ -15,7 +15,7 @@ from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.leaderboard import Cells, variants
-from cusick_bench.leaderboard.cells.variants import method_label
+from cusick_bench.leaderboard.cells.variants import method_label, of_boards
 from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
@@ -27,7 +27,7 @@ _KINDS = {"solver": 0, "null": 1, "oracle": 2}
 
 @dataclass(frozen=True, eq=False)
 class Entrant:
-    """A solver of a run, with its settings where several are in it.
+    """A solver of a run, with its settings and its split where several are in it.
 
     Attributes:
         label: Name as it is shown.
@@ -172,8 +172,9 @@ def entrants(
         ReportError: A solver that is not in the run.
     """
     found = [
-        Entrant(method_label(solver, variant), str(group["kind"].iloc[0]), group)
-        for (solver, variant), group in variants(cells.table)
+        Entrant(method_label(solver, variant) + apart, str(group["kind"].iloc[0]), group)
+        for apart, board in of_boards(cells.table)
+        for (solver, variant), group in variants(board)
     ]
     if solvers is None:
         wanted = [entrant for entrant in found if entrant.kind in kinds] or found

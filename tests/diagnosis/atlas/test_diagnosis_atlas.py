@@ -222,6 +222,20 @@ def test_a_fit_says_what_it_leaves_out(tmp_path: Path) -> None:
     assert "242 would do" in result.stderr
 
 
+def test_a_check_of_the_fits_that_is_stopped_leaves_the_atlas(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    _made_up_points(tmp_path / "a", "camera-scale", np.array([0.01]), 40)
+    monkeypatch.setattr("cusick_bench.diagnosis.atlas.response_check.unexplained", stop)
+    out = tmp_path / "fitted.npz"
+    result = CliRunner().invoke(app, ["atlas", "fit", str(tmp_path / "a"), "--out", str(out), "--check"])
+    assert result.exit_code == 130
+    assert out.exists()
+    assert f"interrupted: the atlas is written to {out}, but not checked" in result.stderr
+    assert "nothing was written" not in result.stderr
+
+
 def test_features_without_anything() -> None:
     nothing = features(np.full((2, 2, len(NAMES)), np.nan))
     with pytest.raises(DiagnosisError, match="at least one drape"):
