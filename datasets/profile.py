@@ -222,9 +222,10 @@ def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Floa
     Returns:
         Mean radius (m = 0), then the amplitudes of m = 1 to `modes` [m].
     """
-    harmonics = np.abs(np.fft.rfft(profile.radii))[: modes + 1] / len(profile.radii)
-    harmonics[1:] *= 2
-    return harmonics
+    count = len(profile.radii)
+    harmonics = np.abs(np.fft.rfft(profile.radii)) / count
+    harmonics[1 : (count + 1) // 2] *= 2  # the others stand once in the transform: the mean, and order count / 2
+    return harmonics[: modes + 1]
 
 
 def _as_array(image: ndarray | torch.Tensor) -> Float[ndarray, "height width"]:

@@ -104,7 +104,7 @@ def equal_error(
     for law in LAWS:
         compare_with_reference(drapes[:1], [min(sizes)], law)  # kernels are loaded, or compiled, before time counts
         left, rows = list(drapes), []
-        for size in sorted(sizes):
+        for size in sorted(set(sizes)):
             tried = compare_with_reference(left, [size], law) if left else []
             if left:
                 done(f"law {law}, {size} vertices")

@@ -305,10 +305,10 @@ def scaling(meshes: list[dict[str, Any]]) -> float | None:
         meshes: From `measure_mesh`.
 
     Returns:
-        The exponent; None with fewer than two such meshes.
+        The exponent; None with fewer than two sizes of such meshes.
     """
     pairs = [(m["vertices"], m["cases"]["drop"]["median_s"]) for m in meshes if m["vertices"] >= 1000]
-    if len(pairs) < 2:
+    if len({size for size, _ in pairs}) < 2:
         return None
     size, seconds = np.log(np.array(pairs)).T
     return float(np.polyfit(size, seconds, 1)[0])

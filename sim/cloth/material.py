@@ -116,9 +116,24 @@ def uniform_material(
         The cloth, homogeneous.
 
     Raises:
-        SimulationError: A value is not positive and finite.
+        SimulationError: A value is not positive and finite, bending is neither one number nor three, or a value is a
+            tensor with a gradient, which the cloth's tables would not have.
     """
-    rows = np.broadcast_to(np.asarray(bending, dtype=np.float64), (3,))
+    given = {"density": density, "bending": bending, "stretch": stretch, "shear": shear, "poisson": poisson}
+    for name, value in given.items():
+        if _has_gradient(value):
+            table = "stretch" if name == "shear" else name
+            raise SimulationError(
+                f"{name} must be a number, got a tensor with a gradient, which the cloth would not pass on; make the "
+                f"cloth of numbers and ask for the gradient of its {table} (requires_grad_), or make a Material of "
+                "tensors"
+            )
+    numbers = np.asarray(bending, dtype=np.float64)
+    if numbers.shape not in ((), (1,), (3,)):
+        raise SimulationError(
+            f"bending must be one number or three (hinges at 0, 45, 90 degrees to the warp), got shape {numbers.shape}"
+        )
+    rows = np.broadcast_to(numbers, (3,))
     for name, value in (("bending", rows.min()), ("stretch", stretch), ("shear", shear)):
         if not (np.isfinite(value) and value > 0):
             raise SimulationError(f"{name} stiffness must be > 0 and finite, got {value:g}")
@@ -130,10 +145,17 @@ def uniform_material(
     )
 
 
+def _has_gradient(value: object) -> bool:
+    if isinstance(value, Tensor):
+        return value.requires_grad
+    return isinstance(value, tuple | list) and any(map(_has_gradient, value))
+
+
 def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
     """The nearest admissible cloth: every [[c11, c12], [c12, c22]] positive definite, c33 and B positive.
 
-    Solves one convex programme (least squares under second-order cones, each scaled by its table's mean).
+    Solves one convex programme (least squares under second-order cones, each scaled by its table's mean), which has no
+    gradient.
 
     Args:
         material: Any finite tables, e.g. Gaussian draws.
@@ -143,9 +165,14 @@ def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
         The cloth with the least squared change; the same numbers (to solver accuracy) where it was admissible.
 
     Raises:
-        SimulationError: A margin of 0 or less, tables without any magnitude, or a programme that ends without a
-            solution.
+        SimulationError: A margin of 0 or less, tables without any magnitude, stretch tables with a gradient, or a
+            programme that ends without a solution.
     """
+    if material.stretch.requires_grad and torch.is_grad_enabled():
+        raise SimulationError(
+            "stretch tables to be projected must have no gradient, which the projection would not pass on; detach "
+            "them, or project under torch.no_grad()"
+        )
     if not (np.isfinite(margin) and margin > 0):
         raise SimulationError(f"the margin must be > 0 and finite, got {margin}: stiffness of 0 is not admissible")
     import cvxpy as cp  # slow to import, and no drape needs it

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark import suite
-from cusick_bench.benchmark.suite import FULL, PARTS, Plan, benchmark, work
+from cusick_bench.benchmark.suite import FULL, PARTS, Plan, benchmark, scaling, work
 from cusick_bench.cli import app
 
 QUICK_SECONDS = 300  # on two quiet cores
@@ -59,6 +59,39 @@ def test_tables_do_not_replace_the_document_of_the_same_name(tmp_path):
     assert done.exit_code == 2
     assert "the tables would replace the document" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [[], ["--runner-cells", "40"]])
+def test_a_folder_is_no_document(words, tmp_path):
+    done = CliRunner().invoke(app, ["benchmark", *words, "--out", str(tmp_path)], env={"COLUMNS": "400"})
+    assert done.exit_code == 2
+    assert f"is a folder; name the document in it, for instance {tmp_path / 'benchmark.json'}" in done.stderr
+
+
+def test_sizes_for_a_reference_want_one(tmp_path):
+    words = ["--reference-vertices", "480", "--out", str(tmp_path / "b.json")]
+    done = CliRunner().invoke(app, ["benchmark", *words], env={"COLUMNS": "400"})
+    assert done.exit_code == 2
+    assert "--reference-vertices is about the table that --reference names" in done.stderr
+
+
+def test_what_is_named_twice_is_measured_once(monkeypatch, tmp_path):
+    plans = []
+
+    def stop(plan, done, keep):
+        plans.append(plan)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(suite, "benchmark", stop)
+    words = ["--vertices", "1205", "--vertices", "297", "--vertices", "1205", "--batch", "8", "--batch", "8"]
+    CliRunner().invoke(app, ["benchmark", *words, "--out", str(tmp_path / "b.json")])
+    assert [(plan.vertices, plan.batches, plan.device_batches) for plan in plans] == [((1205, 297), (8,), (8,))]
+
+
+def test_one_size_has_no_exponent():
+    meshes = [{"vertices": 1205, "cases": {"drop": {"median_s": seconds}}} for seconds in (0.2, 0.21)]
+    assert scaling(meshes) is None
+    assert scaling([*meshes, {"vertices": 2410, "cases": {"drop": {"median_s": 0.41}}}]) == pytest.approx(1, abs=0.01)
 
 
 def test_an_interrupted_benchmark_says_where_its_parts_lie(stopped_at_the_second_mesh, tmp_path):

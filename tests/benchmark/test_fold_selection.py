@@ -138,6 +138,14 @@ class TestCommand:
         assert [one["label"] for one in document["rows"]] == ["0 mm", "3 mm", "10 mm"]
         assert picture.read_bytes().startswith(b"\x89PNG")
 
+    def test_data_of_too_few_samples_are_refused(self, make_lab, tmp_path):
+        lab, picture = make_lab([1e-5], samples=2), tmp_path / "folder" / "folds.png"
+        asked = ["--factor", "slide", "--law", "paper", "--vertices", "97", "--draws", "2", "--picture", str(picture)]
+        found = CliRunner().invoke(app, ["fold-selection", *asked, "--data", str(lab)], env={"COLUMNS": "400"})
+        assert found.exit_code == 2
+        assert "has no fabric of which one face is shown by three samples or more" in found.stderr
+        assert not picture.parent.exists()
+
     def test_a_law_without_rests_is_refused(self):
         found = CliRunner().invoke(app, ["fold-selection", "--law", "published"])
         assert found.exit_code == 2

@@ -40,6 +40,20 @@ def test_a_row_counts_with_the_smallest_mesh_that_is_near_enough(monkeypatch):
     assert found["times_faster"] == pytest.approx(1000 / 300)
 
 
+def test_a_size_that_is_named_twice_is_tried_once(monkeypatch):
+    def compare(drapes, sizes, law):
+        values = dict.fromkeys(PlateComparison.__annotations__)
+        near = [law == "plate" and not drape.folds for drape in drapes]
+        return [
+            PlateComparison(**values | vars(drape) | {"error_points": 0.1 if ok else 9.0, "seconds": 2.0})
+            for drape, ok in zip(drapes, near, strict=True)
+        ]
+
+    monkeypatch.setattr(laws, "compare_with_reference", compare)
+    once, twice = (equal_error([_Row(0), _Row(8)], sizes) for sizes in ([100], [100, 100]))  # pyright: ignore[reportArgumentType]
+    assert twice == once
+
+
 def test_a_row_that_the_first_law_never_reaches_is_not_compared(monkeypatch):
     def compare(drapes, sizes, law):
         values = dict.fromkeys(PlateComparison.__annotations__)

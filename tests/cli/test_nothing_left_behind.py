@@ -88,6 +88,18 @@ def test_a_folder_that_holds_something_stays(tmp_path: Path):
     assert kept.exists()
 
 
+def test_drapes_of_an_earlier_run_stay_where_no_others_are_made(tmp_path: Path):
+    pytest.importorskip("ipctk")
+    earlier = tmp_path / "drape_0000.obj"
+    earlier.touch()
+    for out in (tmp_path, tmp_path / "new"):
+        words = [*CLOTH.split(), "--vertices", "60", "--self-contact", "0.05", "--out", str(out)]
+        found = CliRunner().invoke(app, ["simulate", *words], env={"COLUMNS": "400"})
+        assert found.exit_code == 2
+        assert "contact thickness must be less than" in found.stderr
+    assert list(tmp_path.iterdir()) == [earlier]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="a folder that not even root may write to")
 def test_a_folder_that_is_there_and_cannot_be_written_to_is_told_before_any_work():
     begun = []

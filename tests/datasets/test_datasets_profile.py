@@ -137,6 +137,12 @@ def test_spectrum_holds_the_amplitudes():
     assert spectrum == pytest.approx(expected, abs=1e-12)
 
 
+def test_spectrum_of_few_angles_holds_the_amplitude_of_its_last_order():
+    for count in (60, 61):
+        angles = Profile(np.zeros(count)).angles
+        assert amplitude_spectrum(Profile(0.12 + 0.004 * np.cos(30 * angles)))[30] == pytest.approx(0.004)
+
+
 def test_folds_are_the_peaks_of_that_prominence():
     """As scipy's find_peaks counts them on the circle cut open at its lowest point."""
     from scipy.signal import find_peaks

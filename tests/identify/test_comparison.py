@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -134,6 +135,45 @@ def test_a_sure_stiffness_gives_one_word():
     found = compare(0.1, fit(weft=Stiffness(value=high, ci90=(0.99 * high, 1.01 * high))), None)
     assert found is not None
     assert "this one is stiff, all over the 90 % interval" in found.summary
+
+
+def stiffness_above(percent: float, direction: str, interval: tuple[float, float] | None = None) -> Stiffness:
+    """That of which so many of the measured fabrics of 170 g/m2 have less, with bounds that are given likewise."""
+    _, similar = compared_ranges("bending", direction, 0.17)
+    scores, logarithms = norm.ppf(LEVELS), np.log(similar.quantiles)
+    shares = np.array([percent, *(interval or ())])
+    value, *bounds = np.exp(np.interp(norm.ppf(shares / 100), scores, logarithms)).tolist()
+    return Stiffness(value=value, ci90=(bounds[0], bounds[1]) if bounds else None)
+
+
+@pytest.mark.parametrize(
+    ("percent", "word"),
+    [(9.9, "very limp"), (10.1, "limp"), (29.9, "limp"), (30.1, "middling"), (69.9, "middling"), (70.1, "stiff"),
+     (89.9, "stiff"), (90.1, "very stiff")],
+)  # fmt: skip
+def test_words_hold_up_to_the_shares_that_the_page_names(percent, word):
+    """docs/drape-meter.md: up to 10, 30, 70, 90, 100 % of fabrics of similar weight."""
+    found = compare(0.17, fit(warp=stiffness_above(percent, "warp")), None)
+    assert found is not None
+    assert f"this one is {word}. Its stiffness" in found.summary
+
+
+def test_warp_and_weft_count_alike_in_words_and_bias_does_not():
+    """Of the shares 20 and 72 % the mean is 46 %, of those of their bounds 14 and 20 %, 25 and 83 %: 17 and 54 %."""
+    found = compare(
+        0.17,
+        fit(
+            bias=stiffness_above(95, "bias", (94, 96)),
+            warp=stiffness_above(20, "warp", (14, 25)),
+            weft=stiffness_above(72, "weft", (20, 83)),
+        ),
+        None,
+    )
+    assert found is not None
+    assert (
+        "this one is middling; the 90 % interval of its stiffness allows anything from limp to middling"
+        in found.summary
+    )
 
 
 def test_the_stiffness_of_all_samples_has_no_interval_and_says_so():

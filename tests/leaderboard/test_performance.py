@@ -27,6 +27,14 @@ def test_shares_by_hand():
     assert [other.share(factor) for factor in (1, 1.9, 2, 1e9)] == [0.5, 0.5, 0.75, 0.75]
 
 
+def test_who_is_most_often_the_best_comes_first_and_among_equals_who_is_more_often_near_it():
+    problems = [("a", 0), ("b", 0), ("c", 0), ("d", 0)]
+    needs = {"1 never": (9.0, 9.0, 9.0, 9.0), "2 far": (1.0, 9.0, 9.0, 9.0), "3 near": (3.0, 1.0, 1.9, 1.9)}
+    needs |= {"4 often": (9.0, 9.0, 1.0, 1.0)}
+    found = performance_profiles({label: dict(zip(problems, row, strict=True)) for label, row in needs.items()})
+    assert [one.label for one in found] == ["4 often", "3 near", "2 far", "1 never"]
+
+
 def test_a_problem_that_some_method_was_not_run_on_does_not_count():
     more = NEEDS["one"] | {("e", 0): 1.0, ("a", 1): 1.0}
     found = performance_profiles({"one": more, "other": NEEDS["other"]})

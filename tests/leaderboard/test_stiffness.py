@@ -181,6 +181,42 @@ def test_csv_has_a_line_for_each_cell_quantity_and_direction(run):
     )
 
 
+def test_each_direction_has_numbers_of_its_own(tmp_path):
+    """In tables and records of rows and cells; what other tests write is alike in all directions."""
+    value = {"warp": 4e-6, "weft": 1e-6, "bias": 2e-6, "stretch warp": 300.0, "stretch weft": 200.0, "shear": 50.0}
+    ratio = {"warp": 2.0, "weft": 1.25, "bias": 0.5, "stretch warp": 3.0, "stretch weft": 1.6, "shear": 2.5}
+    names = {"bending": dict(zip(BENDING, BENDING, strict=True))}
+    names["stretch"] = {"warp": "stretch warp", "weft": "stretch weft", "shear": "shear"}
+    bending, stretch = (
+        {one: Quantity(value[name], (value[name] / 2, 3 * value[name])) for one, name in of.items()}
+        for of in names.values()
+    )
+    true_bending, true_stretch = ({one: value[name] / ratio[name] for one, name in of.items()} for of in names.values())
+    curve, spread = dict.fromkeys(BENDING, (TRUE,) * 5), {"warp": 0.1, "weft": 0.2, "bias": 0.3}
+    write_cell(tmp_path, "bdp", "blue", 0, FoundStiffness(bending, stretch, curve, spread, true_bending, true_stretch))
+    cells = load_cells(tmp_path)
+    (row,) = stiffness_rows(cells)
+    (record,), table = stiffness_records([row]), stiffness_table([row])
+    entries = {(column.head, column.unit): entry for column, entry in zip(table.columns, *table.entries, strict=True)}
+    for quantity, unit, shown in (("bending", "N_m", "µN m"), ("stretch", "N_per_m", "N/m")):
+        for one, name in names[quantity].items():
+            column = f"{quantity}_{one}_{unit}"
+            assert record[column] == pytest.approx(value[name]), column
+            assert record[f"{column}_true"] == pytest.approx(value[name] / ratio[name]), column
+            assert entries[one, shown] == significant(value[name] * (1e6 if quantity == "bending" else 1)), column
+    for one in BENDING:
+        assert record[f"bending_{one}_gf_cm2_cm"] == pytest.approx(value[one] / 9.80665e-5), one
+        assert entries[one, "gf cm²/cm"] == significant(value[one] / 9.80665e-5), one
+    lines = {(line["quantity"], line["direction"]): line for line in cell_records(cells)}
+    assert list(lines) == [(quantity, one) for quantity, of in names.items() for one in of]
+    for (quantity, one), line in lines.items():
+        name = names[quantity][one]
+        numbers = [line[key] for key in ("value", "ci90_low", "ci90_high", "ratio", "ratio_ci90_low", "true")]
+        factors = np.array([1, 0.5, 3, *(ratio[name] / value[name] * np.array([1, 0.5])), 1 / ratio[name]])
+        assert numbers == pytest.approx(value[name] * factors), (quantity, one)
+        assert line.get("spread_log") == spread.get(one if quantity == "bending" else ""), (quantity, one)
+
+
 def test_command_prints_and_writes_it(run, tmp_path):
     files = [tmp_path / f"found{suffix}" for suffix in (".csv", ".md", ".tex", ".html")]
     words = ["leaderboard", str(run), "--json", *(word for path in files for word in ("--stiffness", str(path)))]

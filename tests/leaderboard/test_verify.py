@@ -121,6 +121,8 @@ class TestCells:
         [
             ("homo", {"tau": lambda tau: tau + 0.05}, "shape [m]"),
             ("homo", {"bending": lambda bending: bending * 1.001}, "bending"),
+            ("homo", {"stretch": lambda stretch: stretch * 1.001}, "stretch"),
+            ("homo", {"density": lambda density: density * 1.001}, "density"),
             ("homo", {"train_image": lambda image: np.roll(image, 1, axis=0)}, "fit"),
             ("homo", {"draws": lambda draws: np.roll(draws, 1, axis=1)}, "draws"),
             ("homo", {"train_target": lambda image: np.roll(image, 1, axis=0)}, "training image"),
@@ -340,6 +342,23 @@ class TestCommand:
         result = CliRunner().invoke(app, ["verify", str(folder), "--data", str(data)])
         assert result.exit_code == 1
         assert "test_mse" in result.output
+
+    def test_a_row_is_verified_only_where_all_of_its_cells_are(self, data, dataset, tmp_path):
+        """Of two cells one differs, and its files are those that were looked at."""
+        good, changed = plan(dataset, solvers=["null:disc"], seeds=[0, 1])
+        run(Source(str(data)), [good, changed], tmp_path)
+        path = tmp_path / "cells" / changed.key / "result.json"
+        change_json(path, lambda result: result["metrics"].update(test_mse=0.02))
+        result = CliRunner().invoke(app, ["verify", str(tmp_path), "--data", str(data), "--json"])
+        assert result.exit_code == 1
+        document = json.loads(result.stdout)
+        assert {cell["key"]: cell["status"] for cell in document["cells"]} == {
+            good.key: "verified", changed.key: "differs"
+        }  # fmt: skip
+        assert document["rows"] == [{"solver": "null:disc", "status": "reported", "verified": 1, "cells": 2}]
+        assert verified_keys(tmp_path) == {good.key}
+        (row,) = rows_of(load_cells(tmp_path), "lab")
+        assert (row["cells"], row["state"]) == (2, "reported")
 
     def test_a_damaged_cell_is_not_passed_over(self, copy, data):
         folder = folder_of(copy, "null:disc")

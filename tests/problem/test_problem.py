@@ -223,6 +223,19 @@ class TestBudget:
         with pytest.raises(BudgetExceeded):
             problem.observe(np.zeros(39))
 
+    def test_the_time_of_a_drape_kept_back_is_kept_back_too(self, monkeypatch):
+        """Of 100 s each drape takes 30 s: after two there is time for one more, and that is the one kept back."""
+        clock = clock_of_drapes(monkeypatch, 30.0)
+        problem = toy_problem(budget=Budget(seconds=100))
+        problem.meter._clock_zero = clock[0]
+        with problem.meter.reserve(1):
+            for _ in range(2):
+                problem.evaluate(np.zeros(39))
+            with pytest.raises(BudgetExceeded, match=r"60\.0 of 100 s .* takes about 60\.0 s; raise --seconds"):
+                problem.evaluate(np.zeros(39))
+        problem.observe(np.zeros(39))
+        assert problem.meter.wall_seconds == 90
+
     def test_the_share_that_is_done_counts_the_prediction_too(self):
         problem = toy_problem(budget=Budget(6))
         tau = np.zeros(problem.dimension)

@@ -198,6 +198,24 @@ def _values(css: str, name: str) -> list[str]:
     return re.findall(rf"{name}: (#[0-9a-f]{{6}})\b", css)
 
 
+def test_each_direction_has_a_panel_of_its_own():
+    values, true = {"warp": 4e-6, "weft": 1e-6, "bias": 2e-6}, {"warp": 2e-6, "weft": 3e-6, "bias": 5e-6}
+    bending = {name: Quantity(value, (value / 2, 3 * value)) for name, value in values.items()}
+    middles = np.array([values[name] for name in BENDING])
+    draws = middles * np.exp(np.random.default_rng(0).normal(0, 0.05, (200, 3)))
+    panels = stiffness_graph([StiffnessLine("bdp", FoundStiffness(bending, {}, {}, {}, true, {}), draws)]).axes
+    for name, axes in zip(BENDING, panels, strict=True):
+        value = 1e6 * values[name]
+        assert name in {text.get_text() for text in axes.texts}
+        truth, interval, mark = axes.lines
+        assert list(truth.get_xdata()) == pytest.approx([1e6 * true[name]] * 2), name
+        assert list(interval.get_xdata()) == pytest.approx([value / 2, 3 * value]), name
+        assert list(mark.get_xdata()) == pytest.approx([value]), name
+        (density,) = axes.collections
+        places, heights = density.get_paths()[0].vertices.T
+        assert places[heights.argmin()] == pytest.approx(value, rel=0.1), name
+
+
 def test_posterior_and_truth_are_drawn():
     found = FoundStiffness(
         dict.fromkeys(BENDING, Quantity(3e-6, (1e-6, 9e-6))), {}, {}, {}, dict.fromkeys(BENDING, 2e-6), {}

@@ -51,6 +51,21 @@ def test_uniform_material_refuses_stiffness_that_is_not_positive(name: str, valu
         uniform_material(**({"density": 0.2, "bending": 1e-5} | {name: value}))
 
 
+@pytest.mark.parametrize("name", ["density", "bending", "stretch", "shear", "poisson"])
+@pytest.mark.unchecked_arrays
+def test_uniform_material_refuses_a_gradient_that_it_would_lose(name: str):
+    value = torch.tensor(0.2, dtype=torch.float64, requires_grad=True)
+    for given in [value, (0.1, value, 0.1)] if name == "bending" else [value]:
+        with pytest.raises(SimulationError, match=f"{name} must be a number, got a tensor with a gradient"):
+            uniform_material(**({"density": 0.2, "bending": 1e-5} | {name: given}))
+
+
+@pytest.mark.unchecked_arrays
+def test_uniform_material_takes_one_bending_stiffness_or_three():
+    with pytest.raises(SimulationError, match=r"bending must be one number or three .*, got shape \(2,\)"):
+        uniform_material(density=0.2, bending=(1e-5, 2e-5))  # pyright: ignore[reportArgumentType]
+
+
 @pytest.mark.parametrize(("name", "shape"), [("stretch", (7, 6, 4)), ("bending", (7, 3, 5)), ("density", (7,))])
 def test_tables_of_another_mesh_are_refused(name: str, shape: tuple):
     with pytest.raises(SimulationError, match=f"{name} has 7 tables"):
@@ -107,6 +122,15 @@ def test_projection_leaves_an_admissible_cloth_alone():
     found = project_admissible(given)
     assert float((found.stretch - given.stretch).abs().max()) < 1e-3
     assert torch.equal(found.bending, given.bending)
+
+
+def test_projection_refuses_a_gradient_that_it_would_lose():
+    given = _material()
+    given.stretch.requires_grad_()
+    with pytest.raises(SimulationError, match="must have no gradient"):
+        project_admissible(given)
+    with torch.no_grad():
+        assert not project_admissible(given).stretch.requires_grad
 
 
 # --- random shapes ----------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from cusick_bench.withheld.scoring.calibration import (
     auroc,
     calibration_error,
     calibration_error_by_chance,
+    reliability,
     wilson_interval,
 )
 from cusick_bench.withheld.scoring.judgement import judgement_of
@@ -340,6 +341,16 @@ class TestStatistics:
         confidence += np.linspace(-1e-3, 1e-3, 4000)
         expected = np.sqrt(2 / pi * 0.25 / 400)
         assert calibration_error_by_chance(confidence, generator) == pytest.approx(expected, rel=0.1)
+
+    def test_too_sure_and_too_unsure_answers_do_not_cancel(self):
+        """At 90 % seven of ten are right, at 30 % five of ten: .2 too many and .2 too few."""
+        confidence = np.repeat([0.9, 0.3], 100)
+        right = np.concatenate([np.arange(100) < 70, np.arange(100) < 50]).astype(float)
+        assert confidence.mean() == pytest.approx(right.mean()), "or the mean alone would tell"
+        assert calibration_error(confidence, right) == pytest.approx(0.2)
+        points = reliability(confidence, right)
+        assert [number for *_, number in points] == [100, 100]
+        assert np.array(points)[:, :2] == pytest.approx(np.array([[0.3, 0.5], [0.9, 0.7]]))
 
     def test_order_of_cases_does_not_matter(self):
         confidence = np.repeat([0.2, 0.6, 0.6, 0.9], 50)

@@ -93,16 +93,22 @@ def benchmark(
         raise CusickError(
             f"the tables would replace the document {out}; name the document, for instance benchmark.json"
         )
+    if out is not None and out.is_dir():
+        raise CusickError(f"{out} is a folder; name the document in it, for instance {out / 'benchmark.json'}")
+    if reference_vertices and reference is None:
+        raise CusickError(
+            "--reference-vertices is about the table that --reference names; add --reference, or leave it out"
+        )
     if runner_cells is not None:
         _measure_runner(runner_cells, out, as_json)
         return
     out = out or Path("benchmark.json")
     asked: dict[str, Any] = dict(FULL) if full else {}
-    asked |= {"vertices": tuple(vertices)} if vertices else {}
+    asked |= {"vertices": tuple(dict.fromkeys(vertices))} if vertices else {}
     asked |= {"rounds": rounds} if rounds else {}
-    asked |= {"batches": tuple(batch), "device_batches": tuple(batch)} if batch else {}
+    asked |= dict.fromkeys(("batches", "device_batches"), tuple(dict.fromkeys(batch))) if batch else {}
     asked |= {"reference": read_plate_drapes(reference)} if reference else {}
-    asked |= {"reference_vertices": tuple(reference_vertices)} if reference_vertices else {}
+    asked |= {"reference_vertices": tuple(dict.fromkeys(reference_vertices))} if reference_vertices else {}
     plan = Plan(
         law=law.value, support="springs" if springs else "fixed", reference_steps=reference_steps,
         gradient_vertices=gradient_vertices, device=device, device_only=device_only, **asked,

@@ -54,5 +54,5 @@ def _document(effect: Effect) -> dict[str, Any]:
         **{name: getattr(effect, name) for name in ("name", "summary", "physics", "reference", "gradient", "signed")},
         "class": effect.kind,
         "located": effect.located,
-        "parameters": [vars(parameter) for parameter in _severity_first(effect)],
+        "parameters": [vars(parameter) | {"default": parameter.usual} for parameter in _severity_first(effect)],
     }

@@ -106,7 +106,13 @@ def _real(data: str) -> list[ClothRow]:
     from cusick_bench.benchmark.fold_selection.real_cloth import cloth_rows
     from cusick_bench.datasets import load
 
-    return cloth_rows(load(data))
+    rows = cloth_rows(load(data))
+    if not rows:
+        raise CusickError(
+            f"{data} has no fabric of which one face is shown by three samples or more, from which folds are told; "
+            "name another data set, or leave --data out"
+        )
+    return rows
 
 
 def _print(rows: Sequence[FoldRow], cloths: Sequence[ClothRow]) -> None:

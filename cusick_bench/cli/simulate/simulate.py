@@ -48,6 +48,7 @@ from cusick_bench.cli.options import (
 )
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.simulate.seen_drape import Sight, drape_name, forget_drapes, write_drape
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.sim.constants import (
     CLOTH_RADIUS,
     PLATE_RADIUS,
@@ -271,13 +272,9 @@ def simulate(
     drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
     size_of_cloth, reach = (CLOTH_RADIUS, CLOTH_RADIUS) if mesh is None else _size_of(sheet)
     sight = Sight.of(camera, size_of_cloth, max(reach, drawn.reach(draws)))
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / ".writable").touch()
-        (out / ".writable").unlink()
-        forget_drapes(out)
     clock = time.perf_counter()
-    results = _simulated(drawn, draws, sight, out)
+    with folder_made(out):
+        results = _simulated(drawn, draws, sight, out)
     _report(
         results, as_json,
         {
@@ -313,8 +310,10 @@ def _simulated(drawn: Draws, count: int, sight: Sight, out: Path | None) -> list
     """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
     results: list[dict[str, Any]] = []
     faces = drawn.simulator.mesh.faces
-    with progress_bar("draping", count) as bar, interruptible(partial(_kept, out)):
+    with progress_bar("draping", count) as bar, interruptible(partial(_kept, out, results)):
         for numbers, batch in drawn.batches(count):
+            if out is not None and not results:
+                forget_drapes(out)  # now that the first are made: what is refused replaces nothing
             for place, number in enumerate(numbers):
                 bar.advance()
                 if batch.failures[place] is not None:
@@ -329,9 +328,9 @@ def _simulated(drawn: Draws, count: int, sight: Sight, out: Path | None) -> list
     return results
 
 
-def _kept(out: Path | None) -> str:
+def _kept(out: Path | None, results: list[dict[str, Any]]) -> str:
     """What is written of drapes when the command is interrupted."""
-    if out is None:
+    if out is None or not results:
         return "nothing was written"
     written = sum(1 for _ in out.glob("*_profile.csv"))  # the last file of a drape
     return f"{written} drapes are written to {out}"

@@ -1,5 +1,6 @@
 """What every registered effect promises, whoever wrote it."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 import torch
 from torch import Tensor
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
@@ -86,6 +89,13 @@ def test_each_class_has_its_effects():
     assert names["history"] == ["creep", "bending-friction", "shear-friction"]
     assert len(names["material"]) == 8
     assert names["contact"] == ["self-contact"]
+
+
+def test_the_json_document_states_the_values_that_are_used_where_none_is_given():
+    document = json.loads(CliRunner().invoke(app, ["effects", "--json"]).stdout)
+    for stated in document["effects"]:
+        defaults = {parameter["name"]: parameter["default"] for parameter in stated["parameters"]}
+        assert defaults == effect(stated["name"]).complete({})
 
 
 # --- what it refuses --------------------------------------------------------------------------------------------------
