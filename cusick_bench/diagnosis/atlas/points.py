@@ -20,7 +20,7 @@ from cusick_bench.sim.effects import registered
 DESIGN_FILE = "design.json"
 _MOST = 1_000_000
 """Largest number of a design."""
-_CODE = "code"
+_CODE = "code"  # name of the array in `write_point`
 _BUILD_AGAIN = "delete it and repeat `cusick-bench atlas build`"
 
 
@@ -106,7 +106,7 @@ def write_point(
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(f".{os.getpid()}.tmp")
     with open(partial, "wb") as file:
-        np.savez(file, value=value, radii=radii.astype(np.float32), **{_CODE: np.array(code_of_point(path.stem))})
+        np.savez(file, value=value, radii=radii.astype(np.float32), code=np.array(code_of_point(path.stem)))
     partial.replace(path)
 
 

@@ -41,7 +41,9 @@ def points_of(seed: int, names: tuple[str, ...] = NAMES) -> EffectPoints:
         grids.append(Grid(hypothesis, values, np.ones(2), shift[own], np.zeros(2), np.zeros(2), log_prior[own]))
     effects = np.repeat(np.arange(len(names)), 2)
     rows = np.tile([0, 1], len(names))
-    return EffectPoints(names, tuple(grids), effects, effects, rows, shift, 0.1 * shift**2, np.zeros(len(rows)), log_prior)
+    return EffectPoints(
+        names, tuple(grids), effects, effects, rows, shift, 0.1 * shift**2, np.zeros(len(rows)), log_prior
+    )
 
 
 def model_of(seed: int, **settings: float) -> SetModel:
