@@ -4,10 +4,6 @@ Where the picture's centre, its scale or its grey level is wrong, every outline 
 on the observed outlines gives the statistics without the error; the difference is the shift by the effect. It is right
 for the actual folds of the cloth, whereas the atlas knows only the shift of a typical cloth.
 
-With statistics y as seen, T(y) without the error, and p the density of the base model's, the density of y is
-p(T(y)) |dT/dy|. Without the last factor a map that makes all differences smaller, noise among them, would be rewarded
-for it. It is estimated from what the map makes of the differences between the fabric's samples (`OutlineChange`).
-
     centre    p -> p - shift u(direction)
     scale     p -> p / (1 + error)
     level     p -> p - shift n,   n the normal of the smoothed outline, e_r - (r'/r) e_phi over its length
@@ -33,7 +29,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 from cusick_bench.datasets.files.hanging_line import outline_depth, without_perspective
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures
 from cusick_bench.diagnosis.measure.features import SPREADS, contrast_weights, features
-from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES, RESOLUTION, capture_statistics
+from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 
 UNDONE: Final = ("camera-offset", "camera-scale", "threshold", "perspective", "camera-tilt")
 """Effects that act on the outline alone."""
@@ -58,14 +54,10 @@ class OutlineChange:
     Attributes:
         contrast: Shift of the even and odd parts of every statistic; 0 where they are unknown [its unit].
         spread: Shift of the entries of `SPREADS`.
-        log_scale: ln |dT/dy| (see the module), over the statistics that no symmetry forbids: by how much the
-            standard deviation of each between samples is smaller without the effect, as far as pixels resolve it. The
-            others have the mean 0 with and without the effect, and their density does not change.
     """
 
     contrast: Float[ndarray, "values 2 statistics"]
     spread: Float[ndarray, "values spreads"]
-    log_scale: Float[ndarray, "values"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +100,16 @@ class OwnOutlines:
         seen = self.captures
         mean, weights, known = _averages(seen)
         plain = capture_statistics(seen.cloth_frame(), seen.protocol)
-        first, scatter = _spread(mean, plain, known), _log_scatter(mean, plain, known)
+        first = _spread(mean, plain, known)
         angle = direction[(seen.side == "down").astype(int)].T  # of every value and capture
         contrast = np.empty((len(severity), 2, len(NAMES)))
-        spread, log_scale = np.empty((len(severity), len(SPREADS))), np.empty(len(severity))
+        spread = np.empty((len(severity), len(SPREADS)))
         for size in np.unique(severity):
             own = severity == size
             values = self._statistics(effect, float(size), angle[own])
             contrast[own] = np.einsum("rc,vck->vrk", weights, plain - values)
             spread[own] = [first - _spread(mean, value, known) for value in values]
-            log_scale[own] = [_log_scatter(mean, value, known) - scatter for value in values]
-        return OutlineChange(contrast, np.nan_to_num(spread), log_scale)
+        return OutlineChange(contrast, np.nan_to_num(spread))
 
     def _statistics(
         self, effect: str, size: float, angle: Float[ndarray, "values captures"]
@@ -154,21 +145,8 @@ def _averages(seen: Captures) -> tuple[Float[ndarray, "specimens captures"], Flo
 
 
 def _spread(mean: ndarray, values: Float[ndarray, "captures statistics"], known: ndarray) -> ndarray:
-    return features(_specimens(mean, values, known)).spread
-
-
-def _specimens(mean: ndarray, values: ndarray, known: ndarray) -> Float[ndarray, "samples 2 statistics"]:
-    return np.where(known[..., None], (mean @ values).reshape(*known.shape, -1), np.nan)
-
-
-def _log_scatter(mean: ndarray, values: Float[ndarray, "captures statistics"], known: ndarray) -> float:
-    """Sum over the statistics that no symmetry forbids of ln of the standard deviation within faces."""
-    specimens = _specimens(mean, values, known)[..., sorted((*FREE, *EVEN))]
-    faces = [one[there] for one, there in zip(specimens.swapaxes(0, 1), known.T, strict=True) if there.sum() > 1]
-    freedom = sum(len(one) - 1 for one in faces)
-    squares = sum((((one - one.mean(0)) ** 2).sum(0) for one in faces), np.zeros(specimens.shape[-1]))
-    sd = np.sqrt(squares / max(freedom, 1))
-    return float(np.log(np.maximum(sd, RESOLUTION[sorted((*FREE, *EVEN))])).sum())
+    specimens = (mean @ values).reshape(*known.shape, -1)
+    return features(np.where(known[..., None], specimens, np.nan)).spread
 
 
 def _undone(

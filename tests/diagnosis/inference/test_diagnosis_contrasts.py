@@ -360,5 +360,5 @@ def test_a_patch_of_which_nothing_is_seen_may_be_anywhere() -> None:
     patch = Hypothesis(effect("local-stiff-patch"), "cloth", 1.0)
     rows = np.concatenate([np.arange(len(patch.severity())), np.arange(0, len(patch.severity()), 7)])  # some twice
     values, zeros = {name: column[rows] for name, column in patch.values.items()}, np.zeros(len(rows))
-    grid = Grid(patch, values, np.ones(len(rows)), np.zeros((len(rows), 3)), zeros, zeros, zeros)
+    grid = Grid(patch, values, np.ones(len(rows)), np.zeros((len(rows), 3)), zeros, zeros)
     np.testing.assert_allclose(patch_map(np.ones(3), [grid]), 1 / 64)

@@ -129,7 +129,7 @@ def test_the_likeliest_point_is_that_of_largest_density(emulator: Emulator, resi
     finer = finer_grid(emulator, residual, coarse, [{"error": middle}], least=0.0)
     count, mode = len(finer.cell), middle * SEVERITY_STEP ** (1 / 3)
     none, zeros, shift = np.zeros(count, dtype=int), np.zeros(count), np.zeros((count, 1))
-    points = EffectPoints(("camera-scale",), (finer,), none, none, np.arange(count), shift, shift, zeros, zeros)
+    points = EffectPoints(("camera-scale",), (finer,), none, none, np.arange(count), shift, shift, zeros)
     error = finer.values["error"]
     far = np.log(np.where(error > 0, error, 1e-9) / mode) / np.log(SEVERITY_STEP)
     weight = finer.cell * np.exp(-0.5 * (far / 3) ** 2)

@@ -20,9 +20,9 @@ def intervals(
     """90 % intervals of points with these parameters and probabilities, which state `best`, or the likeliest."""
     count = len(weight)
     nothing, numbers = np.zeros((count, 3)), np.zeros(count)
-    grid = Grid(Hypothesis(effect(name), "lab", 0.8), values, np.ones(count), nothing, numbers, numbers, numbers)
+    grid = Grid(Hypothesis(effect(name), "lab", 0.8), values, np.ones(count), nothing, numbers, numbers)
     zeros = np.zeros(count, dtype=int)
-    points = EffectPoints((name,), (grid,), zeros, zeros, np.arange(count), nothing, nothing, numbers, numbers)
+    points = EffectPoints((name,), (grid,), zeros, zeros, np.arange(count), nothing, nothing, numbers)
     return point_intervals(points, np.arange(count), weight, best or candidate_at(points, points.densest(0, weight)))
 
 
@@ -96,11 +96,11 @@ def test_directions_of_a_face_that_lies_down_are_those_on_the_bench() -> None:
     values = {"shift": np.ones(count), "direction": directions}
     half = np.zeros(count)
     grids = tuple(
-        Grid(Hypothesis(effect(name), frame, 0.5), values, np.ones(count), nothing[:count], half, half, half)
+        Grid(Hypothesis(effect(name), frame, 0.5), values, np.ones(count), nothing[:count], half, half)
         for frame in ("lab", "cloth")
     )
     grid, row = np.repeat([0, 1], count), np.tile(np.arange(count), 2)
-    points = EffectPoints((name,), grids, np.zeros(2 * count, dtype=int), grid, row, nothing, nothing, numbers, numbers)
+    points = EffectPoints((name,), grids, np.zeros(2 * count, dtype=int), grid, row, nothing, nothing, numbers)
     weight = np.where(grid == 0, 0.8, 0.2) * (np.tile(directions, 2) == np.where(grid == 0, 30, 150))
     best = candidate_at(points, points.densest(0, weight))
     down = point_intervals(points, np.arange(2 * count), weight, best, FacesShown(1, np.pi))

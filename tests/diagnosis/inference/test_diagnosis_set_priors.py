@@ -38,12 +38,10 @@ def points_of(seed: int, names: tuple[str, ...] = NAMES) -> EffectPoints:
         own, one = slice(2 * number, 2 * number + 2), effect(name)
         values = {one.severity.name: one.severity.typical * np.array([0.5, 2.0])}
         hypothesis = Hypothesis(one, "", 1.0)
-        grids.append(Grid(hypothesis, values, np.ones(2), shift[own], np.zeros(2), np.zeros(2), log_prior[own]))
+        grids.append(Grid(hypothesis, values, np.ones(2), shift[own], np.zeros(2), log_prior[own]))
     effects = np.repeat(np.arange(len(names)), 2)
     rows = np.tile([0, 1], len(names))
-    return EffectPoints(
-        names, tuple(grids), effects, effects, rows, shift, 0.1 * shift**2, np.zeros(len(rows)), log_prior
-    )
+    return EffectPoints(names, tuple(grids), effects, effects, rows, shift, 0.1 * shift**2, log_prior)
 
 
 def model_of(seed: int, **settings: float) -> SetModel:
@@ -133,7 +131,7 @@ def some_of(points: EffectPoints, names: frozenset[str]) -> EffectPoints:
     kept = np.flatnonzero([points.name(point) in names for point in range(len(points))])
     effects = np.array([chosen.index(points.name(int(point))) for point in kept], dtype=int)
     grids = tuple(grid for grid in points.grids if grid.hypothesis.name in names)
-    own = (column[kept] for column in (points.row, points.shift, points.variance, points.log_scale, points.log_prior))
+    own = (column[kept] for column in (points.row, points.shift, points.variance, points.log_prior))
     return EffectPoints(tuple(chosen), grids, effects, effects, *own)
 
 

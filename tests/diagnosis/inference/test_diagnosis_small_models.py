@@ -1,6 +1,5 @@
 """Sets of effects and detection on a model of four rows and three points, where all sums can be written out."""
 
-from dataclasses import replace
 from itertools import chain, combinations
 from math import comb
 
@@ -11,8 +10,8 @@ from scipy.special import logsumexp
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.misfit import ANY_PRIOR, ANY_SIZES, MISFIT_PRIOR, MISFIT_SIZES, Misfit
-from cusick_bench.diagnosis.inference.sets.set_model import COUNT_PRIOR, SetModel, SharedShift
-from cusick_bench.diagnosis.inference.sets.set_sampler import conditional, sample_sets
+from cusick_bench.diagnosis.inference.sets.set_model import COUNT_PRIOR, SetModel
+from cusick_bench.diagnosis.inference.sets.set_sampler import sample_sets
 from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 
 MISFIT = Misfit(np.eye(4), (1, 1, 0, 2), np.array([0.5, 1.5]))
@@ -24,7 +23,6 @@ POINTS = EffectPoints(
     np.arange(3),
     np.array([[2.5, 0.5, 0.0, 1.0], [1.5, 2.0, 1.0, 0.0], [0.5, 2.5, -1.0, 2.0]]),
     np.array([[0.1, 0.0, 0.2, 0.0], [0.0, 0.3, 0.0, 0.1], [0.2, 0.2, 0.0, 0.0]]),
-    np.zeros(3),
     np.log([0.7, 0.3, 1.0]),
 )
 WHITE = np.array([2.0, 1.5, 0.5, -0.5])
@@ -67,24 +65,6 @@ def test_the_joint_probability_of_a_set_is_that_of_its_definition():
     for chosen in ((), (1,), (0, 2)):
         prior = np.log(COUNT_PRIOR[len(chosen)] / comb(LISTED, len(chosen))) + POINTS.log_prior[list(chosen)].sum()
         assert model().log_joint(chosen) == pytest.approx(log_likelihood(chosen) + prior), chosen
-
-
-def test_what_undoing_an_effect_makes_of_all_differences_weighs_its_points():
-    """A factor on the density, which acts as one on the prior of the point does, and in every set that holds it."""
-    log_scale = np.array([-3.0, 0.0, 1.0])
-    scaled = replace(model(), points=replace(POINTS, log_scale=log_scale))
-    weighed = replace(model(), points=replace(POINTS, log_prior=POINTS.log_prior + log_scale))
-    for chosen in ((), (0,), (1,), (0, 2)):
-        assert scaled.log_joint(chosen) == pytest.approx(weighed.log_joint(chosen))
-    for others in ((), (0,), (2,)):
-        np.testing.assert_allclose(conditional(scaled, others).options, conditional(weighed, others).options)
-    statistic, expected = (detection_statistic(one, WHITE[None])[0] for one in (scaled, weighed))
-    assert statistic == pytest.approx(expected)
-    assert statistic != pytest.approx(detection_statistic(model(), WHITE[None])[0])
-    shared = SharedShift(POINTS.shift[0], POINTS.variance[0], -3.0)
-    assert model().log_joint((2,), shared) - model().log_joint((2,), replace(shared, log_scale=0.0)) == pytest.approx(
-        -3
-    )
 
 
 def test_sampled_sets_have_their_probabilities():

@@ -15,12 +15,11 @@ from cusick_bench.datasets.files.silhouette import camera_of, profile_of
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.inference.residuals.feature_rows import MAY_BE_WRONG, MEANS
 from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics
-from cusick_bench.diagnosis.inference.single_effects.hypotheses import Frame, Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.measure import own_outlines
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
-from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES, RESOLUTION, capture_statistics
+from cusick_bench.diagnosis.measure.statistics import RESOLUTION, capture_statistics
 from cusick_bench.sim.effects import effect
 from cusick_bench.sim.render.silhouette import render
 
@@ -60,35 +59,6 @@ def test_the_shift_is_what_the_error_did(plain: ndarray, name: str, severity: fl
     if name == "camera-scale":  # all lengths scatter by as much more; toy outlines beside their place are interpolated
         assert np.ptp(found.spread[0]) > 0.02
         np.testing.assert_allclose(found.spread[0], with_error.spread - without.spread, atol=2e-3)
-
-
-def test_what_undoing_makes_of_all_differences_is_measured(plain: ndarray, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lengths without a scale of 3 % scatter by as much less, each of them."""
-    kinds = ("mean_radius", "quantile_", "amplitude_", "harmonic_")
-    for sort, columns in (("FREE", FREE), ("EVEN", EVEN)):
-        lengths = tuple(column for column in columns if NAMES[column].startswith(kinds))
-        monkeypatch.setattr(own_outlines, sort, lengths)
-    count = len(own_outlines.FREE) + len(own_outlines.EVEN)
-    assert count > 5
-    monkeypatch.setattr(own_outlines, "RESOLUTION", np.full(len(NAMES), 1e-9))
-    found = OwnOutlines(seen(plain)).change("camera-scale", np.array([0.03, -0.02]), None).log_scale
-    np.testing.assert_allclose(found, -count * np.log([1.03, 0.98]), rtol=0.02)
-    monkeypatch.setattr(own_outlines, "RESOLUTION", np.full(len(NAMES), 1.0))
-    blurred = OwnOutlines(seen(plain)).change("camera-scale", np.array([0.03]), None).log_scale
-    np.testing.assert_array_equal(blurred, 0.0)  # pixels make the same noise of any outline
-
-
-@pytest.mark.parametrize(("name", "frame"), [("perspective", ""), ("threshold", ""), ("camera-tilt", "lab")])
-def test_only_effects_without_a_direction_are_charged(plain: ndarray, name: str, frame: Frame) -> None:
-    emulator = replace(toy_emulator(), outlines=OwnOutlines(seen(plain)))
-    hypothesis = Hypothesis(effect(name), frame, 1.0)
-    scale = shifts(emulator, hypothesis, PRIOR_MEAN, np.ones(len(NAMES)), 0.5).log_scale
-    if name == "camera-tilt":
-        np.testing.assert_array_equal(scale, 0.0)
-    else:
-        assert np.abs(scale).max() > 0.1
-    if name == "perspective":
-        assert scale.min() < -0.5
 
 
 def test_captures_of_an_unknown_face_count_only_where_the_upper_one_is_missing(plain: ndarray) -> None:

@@ -43,8 +43,7 @@ def detection_statistic(model: SetModel, white: Float[ndarray, "fabrics kept"]) 
     shift, added = points.shift, points.variance
     forbidden = _log_densities(white[:, :split], shift[:, :split], added[:, :split], first[:1])[0]
     allowed = _mixed(_log_densities(white[:, split:], shift[:, split:], added[:, split:], last), MISFIT_PRIOR)
-    weight = points.log_scale + points.log_prior
-    single = logsumexp(forbidden + allowed + weight, axis=1) - np.log(max(model.listed, 1))
+    single = logsumexp(forbidden + allowed + points.log_prior, axis=1) - np.log(max(model.listed, 1))
     return np.logaddexp(single, unlisted) - none
 
 

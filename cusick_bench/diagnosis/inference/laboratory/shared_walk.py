@@ -113,7 +113,7 @@ class SharedWalk:
         shared = float(self.log_prior[self.shared].sum()) + log_count(len(self.shared), self.listed)
         for fabric, own in enumerate(self.own):
             model, points = self.fabrics[fabric].sets.model, self.points[fabric]
-            more = _of_points(points, self.shared)
+            more = SharedShift(points.shift[self.shared].sum(0), points.variance[self.shared].sum(0))
             shared += model.log_joint(own, more)
         return shared
 
@@ -164,7 +164,7 @@ class SharedWalk:
     def _renew(self, fabric: int) -> None:
         """Empties and fills two places of a fabric's own set."""
         model, points = self.fabrics[fabric].sets.model, self.points[fabric]
-        more = _of_points(points, self.shared)
+        more = SharedShift(points.shift[self.shared].sum(0), points.variance[self.shared].sum(0))
         for _ in range(2):
             own = self.own[fabric]
             place = int(self.generator.integers(MOST))
@@ -188,13 +188,6 @@ def same_point(points: EffectPoints, point: int, others: EffectPoints) -> int:
     of_effect = np.flatnonzero(others.effect == others.names.index(points.name(point)))
     return next(
         int(o) for o in of_effect if np.allclose([*others.value(int(o)).values()], [*value.values()], rtol=1e-9)
-    )
-
-
-def _of_points(points: EffectPoints, chosen: list[int]) -> SharedShift:
-    """Shift of a fabric by shared points."""
-    return SharedShift(
-        points.shift[chosen].sum(0), points.variance[chosen].sum(0), float(points.log_scale[chosen].sum())
     )
 
 

@@ -37,7 +37,6 @@ class EffectPoints:
         row: Row of each point in its grid.
         shift: Shift of the turned rows.
         variance: Variance that another law and the atlas' own uncertainty add to each row.
-        log_scale: `log_scale` of each point in its grid.
         log_prior: Log prior of each point within its effect.
     """
 
@@ -48,7 +47,6 @@ class EffectPoints:
     row: Int[ndarray, "points"]
     shift: Float[ndarray, "points kept"]
     variance: Float[ndarray, "points kept"]
-    log_scale: Float[ndarray, "points"]
     log_prior: Float[ndarray, "points"]
 
     def __len__(self) -> int:
@@ -153,7 +151,6 @@ def effect_points(grids: Sequence[Grid], misfit: Misfit, mismatch: Mismatch, *, 
         np.concatenate([np.zeros(0, dtype=int), *rows]),
         np.concatenate(shift),
         np.concatenate(variance),
-        np.concatenate([np.zeros(0), *(grid.log_scale[chosen] for grid, chosen in zip(grids, rows, strict=True))]),
         np.concatenate([np.zeros(0), *(grid.log_prior[chosen] for grid, chosen in zip(grids, rows, strict=True))]),
     )
 

@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.inference.sets.effect_points import effect_points, f
 from cusick_bench.diagnosis.inference.sets.misfit import Misfit, misfit_of
 from cusick_bench.diagnosis.inference.sets.set_model import SetModel, SharedShift
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid, detectable_grids
-from cusick_bench.diagnosis.inference.single_effects.hypotheses import Shifts, hypotheses, shifts
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
@@ -68,23 +68,12 @@ class FabricData:
         Returns:
             The shift of all entries of `feature_vector` [sd].
         """
-        return sum((self._moved(one, residual).features[0] for one in causes), np.zeros(len(residual.kept)))
-
-    def log_scale(self, causes: Sequence[Candidate], residual: Residual) -> float:
-        """Sum of the j of several effects, as in `evidence`.
-
-        Args:
-            causes: The effects with their parameters.
-            residual: Where the base parameters are.
-
-        Returns:
-            The sum.
-        """
-        return sum(float(self._moved(one, residual).log_scale[0]) for one in causes)
-
-    def _moved(self, one: Candidate, residual: Residual) -> Shifts:
-        point = {name: np.array([value]) for name, value in one.value.items()}
-        return shifts(self.emulator, one.hypothesis, residual.theta, residual.sd, self.drift, point)
+        total = np.zeros(len(residual.kept))
+        for one in causes:
+            point = {name: np.array([value]) for name, value in one.value.items()}
+            moved = shifts(self.emulator, one.hypothesis, residual.theta, residual.sd, self.drift, point)
+            total += moved.features[0]
+        return total
 
     def grids(self, residual: Residual) -> list[Grid]:
         """Hypotheses that can be detected.
@@ -151,7 +140,7 @@ class FabricData:
         variance = np.zeros(len(turned[0]))
         for one, shift in zip(causes, turned, strict=True):
             variance += law_variance(misfit, self.calibration.mismatch(one.hypothesis.name), shift)
-        return SharedShift(np.sum(turned, axis=0), variance, self.log_scale(causes, residual))
+        return SharedShift(np.sum(turned, axis=0), variance)
 
 
 def fabric_data(

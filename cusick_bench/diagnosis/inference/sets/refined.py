@@ -95,8 +95,7 @@ class _Fit:
         """Log likelihood of a cause, given what others leave and the variance with them."""
         shift = self.shift(one)[None]
         own = self.variance([one], shift)[None]
-        log_scale = self.fabric.log_scale([one], self.sets.residual)
-        return float(likelihoods_of(self.sets.model.misfit, left, variance, _point(shift, own), log_scale).total[0])
+        return float(likelihoods_of(self.sets.model.misfit, left, variance, _point(shift, own)).total[0])
 
     def tangent(self, one: Candidate) -> list[Float[ndarray, "kept"]]:
         """Change of the shift with each free parameter, by differences."""
@@ -183,5 +182,4 @@ def _bounds(one: Candidate, low: float, high: float) -> tuple[float, float]:
 
 def _point(shift: ndarray, variance: ndarray) -> EffectPoints:
     nothing = np.zeros(len(shift), dtype=int)
-    zeros = np.zeros(len(shift))
-    return EffectPoints((), (), nothing, nothing, nothing, shift, variance, zeros, zeros)
+    return EffectPoints((), (), nothing, nothing, nothing, shift, variance, np.zeros(len(shift)))

@@ -3,9 +3,8 @@
 With w the rotated, whitened residual, d_e the shift of each effect of the set Z and v_e the variance that another law
 adds,
 
-    p(w | Z, s, t) = prod_k N(w_k - sum_e d_ek; 0, 1 + sum_e v_ek + m_k) prod_e exp(j_e),
+    p(w | Z, s, t) = prod_k N(w_k - sum_e d_ek; 0, 1 + sum_e v_ek + m_k),   m = t^2 in forbidden rows, else s^2 a_k
 
-m = t^2 in forbidden rows, else s^2 a_k, and j_e as in `evidence`: 0 of effects that are not undone on outlines.
 s and t have priors on grids and are summed over; given Z, forbidden and allowed rows are independent. The prior of a
 set of m effects is p(m) divided by the number of sets of that size, times the priors of the points. So choosing among
 more sets, or among more points of an effect, costs evidence.
@@ -121,10 +120,9 @@ class SetModel:
         chosen, added = list(others), self.points if points is None else points
         left = self.white - self.points.shift[chosen].sum(0)
         variance = 1 + self.points.variance[chosen].sum(0)
-        log_scale = float(self.points.log_scale[chosen].sum())
         if more is not None:
-            left, variance, log_scale = left - more.shift, variance + more.variance, log_scale + more.log_scale
-        return likelihoods_of(self.misfit, left, variance, added, log_scale)
+            left, variance = left - more.shift, variance + more.variance
+        return likelihoods_of(self.misfit, left, variance, added)
 
     def log_joint(self, chosen: Sequence[int], more: "SharedShift | None" = None) -> float:
         """Log of prior times likelihood of a set.
@@ -147,20 +145,14 @@ class SharedShift:
     Attributes:
         shift: Shift of the turned rows.
         variance: What another law adds to the variance of each row.
-        log_scale: Sum of the effects' j.
     """
 
     shift: Float[ndarray, "kept"]
     variance: Float[ndarray, "kept"]
-    log_scale: float = 0.0
 
 
 def likelihoods_of(
-    misfit: Misfit,
-    left: Float[ndarray, "kept"],
-    variance: Float[ndarray, "kept"],
-    points: EffectPoints,
-    log_scale: float = 0.0,
+    misfit: Misfit, left: Float[ndarray, "kept"], variance: Float[ndarray, "kept"], points: EffectPoints
 ) -> Likelihoods:
     """Log likelihoods of what a set leaves, with each of some points added, and last as it is.
 
@@ -169,7 +161,6 @@ def likelihoods_of(
         left: What the set leaves.
         variance: Variance of noise and laws, without the misfit.
         points: The points.
-        log_scale: Sum of the j of the set.
 
     Returns:
         For every size of the misfit.
@@ -188,12 +179,10 @@ def likelihoods_of(
                 ]
             )
         )
-    scales = log_scale + np.append(points.log_scale, 0.0)  # of the allowed rows
-    return Likelihoods(parts[0] + np.log(ANY_PRIOR), parts[1] + np.log(MISFIT_PRIOR) + scales[:, None])
+    return Likelihoods(parts[0] + np.log(ANY_PRIOR), parts[1] + np.log(MISFIT_PRIOR))
 
 
 def _no_points(points: EffectPoints) -> EffectPoints:
     nothing = np.zeros(0, dtype=int)
     kept = points.shift.shape[1]
-    none = np.zeros(0)
-    return EffectPoints((), (), nothing, nothing, nothing, np.zeros((0, kept)), np.zeros((0, kept)), none, none)
+    return EffectPoints((), (), nothing, nothing, nothing, np.zeros((0, kept)), np.zeros((0, kept)), np.zeros(0))

@@ -2,10 +2,9 @@
 
 With w white noise where the base model holds, and d the shift of w by an effect at one point of its grid,
 
-    log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ] + j,   v_k = 1 + e^2 d_k^2 + u
+    log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ],   v_k = 1 + e^2 d_k^2 + u
 
-where e is the relative difference of another law for the same effect from ours, u the atlas' own uncertainty, and j the
-logarithm of the scale that undoing the effect on outlines changes (`Shifts.log_scale`; 0 of most effects). Only
+where e is the relative difference of another law for the same effect from ours, and u the atlas' own uncertainty. Only
 points with |d| of at least `LEAST_SIZE`, half of what can be detected, have a prior. A weaker effect counts as none in
 this fabric, and a cause without any such point is undetectable here and is left out.
 
@@ -57,7 +56,6 @@ class Grid:
         cell: Share of a cell of the hypothesis' own grid that every point stands for.
         shift: Shift of w at every point.
         variance: u of every point, in units of noise.
-        log_scale: j of every point.
         log_prior: Log prior of every point, -inf for those too weak to detect; they add up to the hypothesis' share of
             its effect's prior.
     """
@@ -67,7 +65,6 @@ class Grid:
     cell: Float[ndarray, "points"]
     shift: Float[ndarray, "points kept"]
     variance: Float[ndarray, "points"]
-    log_scale: Float[ndarray, "points"]
     log_prior: Float[ndarray, "points"]
 
     def severity(self) -> Float[ndarray, "points"]:
@@ -87,7 +84,7 @@ class Grid:
         Returns:
             Log likelihoods, but for a constant.
         """
-        return log_likelihood(white, self.shift, self.variance, law_difference) + self.log_scale
+        return log_likelihood(white, self.shift, self.variance, law_difference)
 
     def best(self, likelihood: Float[ndarray, "points"]) -> int:
         """The likeliest point of those that can be detected.
@@ -107,7 +104,7 @@ def log_likelihood(
     variance: Float[ndarray, "points"],
     law_difference: float = LAW_DIFFERENCE,
 ) -> Float[ndarray, "points"]:
-    """log p(w | shift) without j, but for a constant (see the module).
+    """log p(w | shift), but for a constant (see the module).
 
     Args:
         white: w, what the base model leaves.
@@ -162,7 +159,7 @@ def grid_at(emulator: Emulator, hypothesis: Hypothesis, residual: Residual, *, l
     total = weight[strong].sum() + _TOO_WEAK * weight.sum()
     log_prior = np.where(strong, np.log(hypothesis.prior * weight / total), -np.inf)
     variance = moved.variance * residual.variance_of_unit
-    return Grid(hypothesis, hypothesis.values, np.ones(len(shift)), shift, variance, moved.log_scale, log_prior)
+    return Grid(hypothesis, hypothesis.values, np.ones(len(shift)), shift, variance, log_prior)
 
 
 def severity_weight(hypothesis: Hypothesis) -> Float[ndarray, "points"]:

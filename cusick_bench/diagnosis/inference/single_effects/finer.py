@@ -63,7 +63,6 @@ def finer_grid(
         np.concatenate([grid.cell[~split], np.repeat(grid.cell[split] / pieces, pieces)]),
         np.concatenate([grid.shift[~split], shift]),
         np.concatenate([grid.variance[~split], moved.variance * residual.variance_of_unit]),
-        np.concatenate([grid.log_scale[~split], moved.log_scale]),
         np.concatenate([grid.log_prior[~split], np.where(strong, prior, -np.inf)]),
     )
 

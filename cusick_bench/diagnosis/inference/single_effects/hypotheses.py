@@ -123,13 +123,10 @@ class Shifts:
     Attributes:
         features: Shift of every feature, in the rows of `feature_rows` [sd].
         variance: Mean variance of the shifts of the means, from the atlas' finite number of points [sd2].
-        log_scale: Of effects that are undone on the fabric's own outlines and have no direction, `log_scale` of
-            `OutlineChange`; else 0.
     """
 
     features: Float[ndarray, "values rows"]
     variance: Float[ndarray, "values"]
-    log_scale: Float[ndarray, "values"]
 
 
 def shifts(
@@ -161,7 +158,7 @@ def shifts(
         turned = rotated(np.tile(mean, (len(severity), 1)), np.deg2rad(severity * effect.severity.typical)) - mean
         spreads, orders = np.zeros((len(severity), len(SPREADS))), np.zeros((len(severity), len(ORDERS)))
         turned = turned / sd
-        return Shifts(in_rows(turned, turned, spreads, orders), np.zeros(len(severity)), np.zeros(len(severity)))
+        return Shifts(in_rows(turned, turned, spreads, orders), np.zeros(len(severity)))
     if emulator.outlines is not None and hypothesis.name in UNDONE:
         return _undone(emulator.outlines, hypothesis, given, sd)
     response = emulator.responses[hypothesis.name]
@@ -188,7 +185,7 @@ def shifts(
         share = np.where(backwards, max(drift, 1 - drift), drift)[:, None]
         faces, spreads = [face * share for face in faces], spreads * share
     up, down = faces
-    return Shifts(in_rows(up, down, spreads, orders), variance, np.zeros(len(severity)))
+    return Shifts(in_rows(up, down, spreads, orders), variance)
 
 
 def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, ndarray], sd: ndarray) -> Shifts:
@@ -208,10 +205,9 @@ def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, n
     means = (found.contrast / sd).reshape(len(severity), -1)
     orders = np.zeros((len(severity), len(ORDERS)))
     features = np.concatenate([means, found.spread, orders], axis=1)
-    if direction is not None:
-        return Shifts(features, np.zeros(len(severity)), np.zeros(len(severity)))
-    features[:, ~MAY_BE_WRONG] = 0.0  # as symmetric as the cloth: what is undone in these rows is their noise
-    return Shifts(features, np.zeros(len(severity)), found.log_scale)
+    if direction is None:  # as symmetric as the cloth: what is undone in the other rows is their noise
+        features[:, ~MAY_BE_WRONG] = 0.0
+    return Shifts(features, np.zeros(len(severity)))
 
 
 def _angle(warp_seen_down: float, hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int) -> ndarray | None:
