@@ -224,7 +224,7 @@ class DrapeSimulator:
         self,
         material: Material,
         *,
-        initial: Float[Tensor, "vertices 3"] | None = None,
+        initial: Float[Tensor, "vertices 3"] | Float[ndarray, "vertices 3"] | None = None,
         rest_angle: Float[Tensor, "hinges"] | None = None,
         warm: Drape | None = None,
     ) -> Drape:
@@ -232,7 +232,8 @@ class DrapeSimulator:
 
         Args:
             material: The cloth; its tensors may require gradients.
-            initial: Shape in which the cloth is laid down [m]; by default random, from the settings' seed.
+            initial: Shape in which the cloth is laid down [m], as from `laid_down`; by default random, from the
+                settings' seed.
             rest_angle: Stress-free dihedral angles of whole hinges [rad]; by default random, from the settings' seed.
             warm: In mode `equilibrium`, a drape of a similar cloth to start from: its branch is followed.
 
@@ -243,10 +244,11 @@ class DrapeSimulator:
             SimulationError: Parameters of another mesh or not finite.
             DrapeDiverged: The cloth did not come to rest (mode `equilibrium`), or blew up.
         """
-        self._check_arrays(initial=initial, rest_angle=rest_angle, warm=None if warm is None else warm.vertices)
+        laid = None if initial is None else torch.as_tensor(initial)
+        self._check_arrays(initial=laid, rest_angle=rest_angle, warm=None if warm is None else warm.vertices)
         batch = self.drape_batch(
             [material],
-            initial=None if initial is None else initial[None],
+            initial=None if laid is None else laid[None],
             rest_angle=None if rest_angle is None else rest_angle[None],
             warm=None if warm is None else warm.vertices[None],
         )

@@ -255,6 +255,14 @@ def test_initial_shape_and_rest_angles_must_fit_the_mesh():
         simulator.drape(_material(), rest_angle=torch.zeros(3, dtype=torch.float64))
 
 
+def test_the_shape_of_another_laying_is_taken_as_it_is_given():
+    simulator = DrapeSimulator(MESH, DrapeSettings(steps=3))
+    laid = simulator.laid_down(seed=7)
+    drapes = [simulator.drape(_material(), initial=one).vertices for one in (laid, torch.from_numpy(laid))]
+    assert torch.equal(*drapes)
+    assert not torch.equal(drapes[0], simulator.drape(_material()).vertices)
+
+
 def test_a_drape_that_does_not_come_to_rest_says_so_and_what_to_do():
     simulator = DrapeSimulator(MESH, DrapeSettings(mode="equilibrium", steps=1, iterations=2))
     with pytest.raises(DrapeDiverged, match=r"after 2 Newton steps \(tolerance 1e-09\); raise `iterations`"):

@@ -19,7 +19,9 @@ def leave_out(
     least: Annotated[
         float,
         typer.Option(
-            "--minimum-severity", min=0, help="Least severity, in multiples of the shift that can just be detected."
+            "--minimum-severity",
+            min=0,
+            help="Least severity, in the unit of the labels: detectable shifts or typical severities.",
         ),
     ] = 2.0,
     samples: SimulatedSamples = 0,

@@ -36,7 +36,9 @@ def left_out_effects(labels: Mapping[str, Label], least: float) -> dict[str, str
         WithheldError: A severity that is none, or no effect as severe as that.
     """
     if not isfinite(least) or least < 0:
-        raise WithheldError(f"the least severity must be a number >= 0, got {least:g}; 2 is twice the detectable shift")
+        raise WithheldError(
+            f"the least severity must be a number >= 0, got {least:g}; 2 is twice the unit of the labels"
+        )
     singles = {
         case: label
         for case, label in labels.items()
