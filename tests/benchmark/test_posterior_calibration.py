@@ -164,7 +164,7 @@ def test_a_solver_that_is_named_twice_is_fitted_once_and_its_fits_are_counted(mo
 
     monkeypatch.setattr(calibration, "calibration_fit", fit)
     words = ["posterior-calibration", "--solver", "bdp", "--solver", "bdp", "--fits", "37", "--workers", "1"]
-    result = CliRunner().invoke(app, words)
+    result = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
     assert result.exit_code == 1
     assert made == list(range(37))
     (line,) = (line for line in result.stdout.splitlines() if "warp" in line)
