@@ -117,7 +117,7 @@ def readable_rows(dataset: DrapeDataset, rows: Iterable[int]) -> list[int]:
     readable = []
     for row in rows:
         with suppress(BadImage):
-            dataset.image(row)
+            read_sample(dataset, row)  # which keeps it for whoever reads these rows next
             readable.append(row)
     return readable
 
@@ -170,7 +170,8 @@ def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Si
     Returns:
         Pairs of silhouettes; whoever reads them must not write to them.
     """
-    pairs = dataset.repeat_pairs(cloth)
-    readable = readable_rows(dataset, dict.fromkeys(row for pair in pairs for row in pair))
-    images = {row: np.asarray(dataset.image(row), dtype=np.float64) for row in readable}
+    pairs, images = dataset.repeat_pairs(cloth), dict[int, Silhouette]()
+    for row in dict.fromkeys(row for pair in pairs for row in pair):
+        with suppress(BadImage):
+            images[row] = np.asarray(dataset.image(row), dtype=np.float64)
     return [(images[row], images[other]) for row, other in pairs if row in images and other in images]

@@ -42,7 +42,7 @@ def mse(image: ArrayLike, target: ArrayLike, protocol: Protocol = RELEASE) -> fl
     Raises:
         MetricError: The images differ in size, have no pixels, or hold values that are not finite.
     """
-    return float(mse_pairs(_array(image)[None], _array(target)[None], protocol)[0, 0])
+    return float(mse_pairs(image_array(image)[None], image_array(target)[None], protocol)[0, 0])
 
 
 def iou(image: ArrayLike, target: ArrayLike) -> float:
@@ -58,7 +58,7 @@ def iou(image: ArrayLike, target: ArrayLike) -> float:
     Raises:
         MetricError: The images differ in size, have no pixels, or hold values that are not finite.
     """
-    return float(iou_pairs(_array(image)[None], _array(target)[None])[0, 0])
+    return float(iou_pairs(image_array(image)[None], image_array(target)[None])[0, 0])
 
 
 def mse_pairs(images: ArrayLike, targets: ArrayLike, protocol: Protocol = RELEASE) -> Float[ndarray, "images targets"]:
@@ -123,7 +123,7 @@ def cloth(images: Float[ndarray, "*shape"]) -> Bool[ndarray, "*shape"]:
 
 
 def _pairs(images: ArrayLike, targets: ArrayLike, compare: Callable[[ndarray, ndarray], ndarray]) -> ndarray:
-    first, second = _array(images), _array(targets)
+    first, second = image_array(images), image_array(targets)
     if first.ndim != 3 or second.ndim != 3 or first.shape[1:] != second.shape[1:]:
         raise MetricError(f"silhouettes must be stacks of one size, got shapes {first.shape} and {second.shape}")
     if 0 in first.shape[1:]:
@@ -133,8 +133,15 @@ def _pairs(images: ArrayLike, targets: ArrayLike, compare: Callable[[ndarray, nd
     return np.concatenate(rows) if rows else np.zeros((0, len(second)))
 
 
-def _array(images: Any) -> ndarray:
-    """Images as an array; those of tensors may carry a gradient, or lie on a device."""
+def image_array(images: Any) -> ndarray:
+    """Images as an array.
+
+    Args:
+        images: One or many, as an array or as a tensor, which may carry a gradient or lie on a device.
+
+    Returns:
+        The same numbers.
+    """
     return images.detach().cpu().numpy() if hasattr(images, "detach") else np.asarray(images)
 
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
@@ -11,6 +10,7 @@ from numpy import ndarray
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
 from cusick_bench.datasets.profile import Profile
+from cusick_bench.metrics.distances.image import image_array
 from cusick_bench.metrics.distances.ruled import ruled_surface
 from cusick_bench.metrics.distances.surface import Surface
 
@@ -36,8 +36,7 @@ class Shape:
     @cached_property
     def pixels(self) -> Float[ndarray, "height width"]:
         """The silhouette as an array."""
-        image = self.image
-        return image.detach().cpu().numpy() if isinstance(image, torch.Tensor) else np.asarray(image)
+        return image_array(self.image)
 
     @cached_property
     def profile(self) -> Profile:
