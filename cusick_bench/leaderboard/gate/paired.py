@@ -140,14 +140,15 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
     if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
         null = _permuted(pairs, generator)
         p = (1 + np.count_nonzero(null >= observed - _ROUNDING)) / (1 + PERMUTATIONS)
-        spread = float(np.std(null))
-        return Comparison(ratio, change, float(p), "permutation", units, _ratio(spread * float(_reach(level, inf))))
+        freedom = sum(len(block.before) + len(block.after) - 1 for cloth in pairs.values() for block in cloth) - 1
+        detectable = _ratio(float(np.std(null)) * _reach(level, freedom))
+        return Comparison(ratio, change, float(p), "permutation", units, detectable)
     if units < 2:
         return Comparison(ratio, change, nan, "none", units, nan)
     weights = np.array([1 / (len(pairs) * len(pairs[cloth])) for cloth, _ in changes])
     error = float(np.std(list(changes.values()), ddof=1) * np.linalg.norm(weights))
     p = _student(observed, error, units - 1)
-    return Comparison(ratio, change, p, "t", units, _ratio(error * float(_reach(level, units - 1))))
+    return Comparison(ratio, change, p, "t", units, _ratio(error * _reach(level, units - 1)))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -244,6 +245,6 @@ def _student(change: float, error: float, freedom: int) -> float:
     return float(stats.t.sf(change / error, freedom))
 
 
-def _reach(level: float, freedom: float) -> float:
+def _reach(level: float, freedom: int) -> float:
     """Size of a change that is found with probability `POWER` [standard errors]."""
     return float(stats.t.isf(level, freedom) + stats.t.ppf(POWER, freedom))
