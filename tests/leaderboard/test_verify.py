@@ -15,10 +15,11 @@ from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.learning_curve import learning_splits
 from cusick_bench.leaderboard.verification.comparison import stiffness_checks
-from cusick_bench.leaderboard.verification.resimulate import read_record, repeat, rescore
+from cusick_bench.leaderboard.verification.resimulate import _following, read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import rows_of
 from cusick_bench.leaderboard.verification.verify import verified_keys, verify_cell
 from cusick_bench.metrics.found_stiffness import UNITS
+from cusick_bench.problem import DrapeProblem
 from cusick_bench.runner import Cell, Source, plan, record_key, run
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.variational.bdp import Bdp
@@ -244,12 +245,34 @@ class TestCells:
         cell = Cell.from_record(read_record(folder))
         assert all(check.holds for check in repeat(folder, cell, "solver", dataset).checks)
         whole = (folder / "prediction.npz").read_bytes()
-        for picked, blamed in (([0, 2, 3], "draws left out"), ([0, 1, 2, 2], "numbers of draws")):
+        pickings = (([0, 2, 3], "draws left out"), ([0, 1, 2, 2], "numbers of draws"), ([0, 1], "draws left out"))
+        for picked, blamed in pickings:
             (folder / "prediction.npz").write_bytes(whole)
             chosen = dict.fromkeys(("draws", "draw_vertices", "posterior_draws"), lambda one, at=picked: one[at])
             change_arrays(folder, **chosen)
             broken = [check.name for check in repeat(folder, cell, "solver", dataset).checks if not check.holds]
             assert broken == [blamed]
+
+    def test_draws_may_be_fewer_where_all_further_ones_fail(self, data, dataset, tmp_path, monkeypatch):
+        exact, drape = Bdp.redraw, DrapeProblem.draw_batch
+        monkeypatch.setattr(
+            Bdp, "redraw", lambda *words: exact(*words) if words[-1] == 0 else np.zeros_like(exact(*words))
+        )
+        monkeypatch.setattr(
+            DrapeProblem,
+            "draw_batch",
+            lambda problem, taus: [drape(problem, tau[None])[0] if tau.any() else None for tau in taus],
+        )
+        folder = folder_of(grid(data, tmp_path / "bdp", ["bdp,draws=2,steps=1,samples=2,search=2"]), "bdp")
+        with np.load(folder / "prediction.npz") as archive:
+            assert archive["posterior_draws"].tolist() == [0]
+        assert verify_cell(folder, dataset, redrawn=2).status == "verified"
+
+    def test_of_two_faces_the_numbers_after_the_last_draw_of_each_are_tried(self):
+        stored = {"posterior_draws": np.array([0, 1, 4, 3]), "draw_turned": np.array([False, True] * 2)}
+        assert _following(stored, 3, 2) == [[6, 8], [5, 7]]
+        assert _following(stored, 3, 9) == [[6, 8, 10], [5, 7, 9, 11]]
+        assert _following(stored, 2, 9) == []
 
     def test_draws_in_single_precision_are_drawn_again(self, data, dataset, tmp_path, monkeypatch):
         exact = Bdp.redraw

@@ -40,6 +40,7 @@ from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
+from cusick_bench.solvers.variational.predictive import MOST
 
 _RANGE = 10  # numbers of draws that are looked through for those left out, for each stored draw
 
@@ -256,9 +257,14 @@ def _with_draws(
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
         doubled = len(numbers) - len(np.unique(numbers))
         checks.append(Check("numbers of draws", doubled, 0.0, f"{doubled} are there twice"))
-        tried = {number: solver.redraw(problem, posterior, number) for number in left_out}
-        at_rest = [number for number, tau in tried.items() if draping.draw_batch(tau[None])[0] is not None]
-        checks.append(Check("draws left out", len(at_rest), 0.0, f"come to rest: {', '.join(map(str, at_rest))}"))
+
+        def at_rest(tried: list[int]) -> list[int]:
+            drawn = ((number, solver.redraw(problem, posterior, number)) for number in tried)
+            return [number for number, tau in drawn if draping.draw_batch(tau[None])[0] is not None]
+
+        following = _following(stored, solver.drapes_of_prediction, len(chosen))
+        resting = at_rest(left_out) + min(map(at_rest, following), key=len, default=[])
+        checks.append(Check("draws left out", len(resting), 0.0, f"come to rest: {', '.join(map(str, resting))}"))
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
     checks = (*fit.checks, *checks)
@@ -282,6 +288,17 @@ def _left_out(stored: dict[str, ndarray], count: int, generator: np.random.Gener
     last = min(int(numbers[turned == face].max()) for face in np.unique(turned))
     missing = np.setdiff1d(np.arange(min(last, _RANGE * len(numbers))), numbers)
     return sorted(generator.choice(missing, min(count, len(missing)), replace=False).tolist())
+
+
+def _following(stored: dict[str, ndarray], asked: int, count: int) -> list[list[int]]:
+    """Of each face the numbers after its last draw that the solver has tried, where draws are fewer than asked for."""
+    numbers = stored["posterior_draws"]
+    turned = stored.get("draw_turned", np.zeros(len(numbers), dtype=bool))
+    faces = np.unique(turned)
+    if len(numbers) >= asked * len(faces):
+        return []
+    step, end = len(faces), MOST * asked * len(faces)
+    return [list(range(int(numbers[turned == face].max()) + step, end, step))[:count] for face in faces]
 
 
 def _start(vertices: ndarray, problem: DrapeProblem) -> Tensor | None:
