@@ -145,8 +145,11 @@ class DrapeSimulator:
         else:
             inside = radius < s.plate_radius - _EDGE
             fixed, spring = np.zeros(self.mesh.vertices, bool), np.where(inside, PLATE_SPRING, 0.0)
-        if not (radius <= s.plate_radius + _EDGE).any():
-            raise SimulationError(f"no vertex lies on the plate of radius {s.plate_radius} m: nothing holds the cloth")
+        if not (fixed | (spring > 0)).any():
+            where = "on" if s.support == "fixed" else "within the edge of"
+            raise SimulationError(
+                f"no vertex lies {where} the plate of radius {s.plate_radius} m: nothing holds the cloth"
+            )
         elsewhere = torch_device(self.device) is not None
         if s.law == "plate":
             system = ShellSystem(self.mesh, s.gravity, fixed, s.plate_radius, s.backend)
@@ -291,6 +294,7 @@ class DrapeSimulator:
         angle = self.rest_angles().expand(members, -1) if rest_angle is None else rest_angle
         self._check_arrays(members, initial=laid, rest_angle=angle, warm=warm)
         angle = angle * torch.from_numpy(self.hinge_share).to(angle.device)
+        laid = laid if torch.is_grad_enabled() else laid.detach()
         clock = time.perf_counter()
         stretch = _stacked([m.stretch for m in materials], 6, 4)
         bending = _stacked([m.bending for m in materials], 3, 5)

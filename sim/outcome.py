@@ -64,7 +64,7 @@ class Outcome:
 
         Returns:
             Positions [m], NaN where a cloth diverged, and the function from their gradient to that of the
-            parameters.
+            parameters, which is NaN for a cloth where theirs is not finite.
         """
         members = len(laid)
         self.failures = [None] * members
@@ -75,10 +75,15 @@ class Outcome:
             x, own_back = self._drop(own, start, differentiate) if self._drops else self._rest(own, start)
 
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
-            own = self.unknowns.by_configuration(g_x)
+            unknown = ~np.isfinite(g_x).all((1, 2))
+            own = self.unknowns.by_configuration(np.where(unknown[:, None, None], 0.0, g_x))
             with alone():
                 found = own_back(own)
-            return self.unknowns.gradient(*found)
+            gradient, g_initial = self.unknowns.gradient(*found)
+            unknown &= [failure is None for failure in self.failures]
+            for array in (*vars(gradient).values(), g_initial):
+                array[unknown] = np.nan
+            return gradient, g_initial
 
         return self.unknowns.positions(x), back
 

@@ -34,7 +34,7 @@ from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.pace import PaceName, pace_of
-from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.silhouette import Method, render
 
@@ -438,9 +438,25 @@ class DrapeProblem:
         return self.follow and self.simulator.settings.mode == "equilibrium"
 
     def _simulated(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[Simulated]:
+        """Drapes and their adjoints; vectors that stand for no cloth fail, and spoil no other."""
+        try:
+            return self._draped(taus, gradient, measure)
+        except SimulationError:
+            found = (self.space.no_specimen(torch.as_tensor(tau)) for tau in taus)
+            lost = {member: f"the parameters stand for no cloth: {why}" for member, why in enumerate(found) if why}
+            if not lost:
+                raise
+        kept = [member for member in range(len(taus)) if member not in lost]
+        results = [Simulated(failure=lost.get(member, "")) for member in range(len(taus))]
+        of_kept = measure and (lambda images: measure({kept[place]: image for place, image in images.items()}))
+        for member, one in zip(kept, self._draped(taus[kept], gradient, of_kept) if kept else [], strict=True):
+            results[member] = one
+        return results
+
+    def _draped(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[Simulated]:
         """Drapes (and their adjoints), measured against the training image where the simulator's device leaves them."""
         parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
-        target = torch.as_tensor(self.train_image)
+        target = torch.from_numpy(np.array(self.train_image))  # a copy: torch knows no mirrored arrays
         with torch.set_grad_enabled(gradient):
             batch = self.simulate(parameters)
             alive = [member for member, failure in enumerate(batch.failures) if failure is None]

@@ -35,7 +35,7 @@ class FollowedBranch:
         """
         if entry.evaluation.loss < self.loss and "vertices" in entry.arrays:
             self.loss = entry.evaluation.loss
-            self.vertices = torch.as_tensor(entry.arrays["vertices"])
+            self.vertices = torch.tensor(entry.arrays["vertices"])  # a copy: a solver may write to what it observed
 
     def start(self, members: int) -> Float[Tensor, "members vertices 3"] | None:
         """Initial shape of drapes.

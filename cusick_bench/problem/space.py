@@ -16,6 +16,7 @@ from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.errors import SimulationError
 
 BOUND = 3.0  # box for solvers that need one, in units of prior standard deviations
 
@@ -73,6 +74,24 @@ class ParameterSpace(ABC):
         Returns:
             Its material and fields.
         """
+
+    def no_specimen(self, tau: Float[Tensor, " dimension"]) -> str:
+        """Why tau stands for no cloth, as far from the prior's middle, where numbers overflow.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            What is wrong; empty where it stands for a cloth.
+        """
+        try:
+            found = self.specimen(tau)
+        except SimulationError as error:
+            return str(error)
+        shapes = [shape for shape in (found.initial, found.rest_angle) if shape is not None]
+        if all(torch.isfinite(shape).all() for shape in shapes):
+            return ""
+        return "its shape as laid down or at rest is not finite"
 
     @abstractmethod
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:

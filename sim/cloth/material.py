@@ -55,14 +55,14 @@ class Material:
                 )
             if not torch.isfinite(value).all():
                 where = tuple(int(i) for i in torch.nonzero(~torch.isfinite(value))[0])
-                raise SimulationError(f"{name} must be finite [{unit}], got {float(value[where])} at index {where}")
+                found = float(value.detach()[where])
+                raise SimulationError(f"{name} must be finite [{unit}], got {found} at index {where}")
         object.__setattr__(self, "poisson", torch.as_tensor(self.poisson, dtype=torch.float64))
         if self.poisson.ndim or not abs(float(self.poisson.detach())) < 1:
             raise SimulationError(f"Poisson's ratio must be one number within -1 and 1, got {self.poisson.tolist()}")
         if (self.density <= 0).any():
-            raise SimulationError(
-                f"areal density must be > 0 kg/m2, got {float(self.density.min()):g}; weigh it, or see fabrics.csv"
-            )
+            least = float(self.density.detach().min())
+            raise SimulationError(f"areal density must be > 0 kg/m2, got {least:g}; weigh it, or see fabrics.csv")
 
     def check_fits(self, mesh: Mesh) -> None:
         """Checks that per-element parameters belong to this mesh.

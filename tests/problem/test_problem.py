@@ -19,6 +19,7 @@ from cusick_bench.problem import (
     Journal,
     ProblemError,
 )
+from cusick_bench.problem.cloth_prior import amplitude_entry
 from cusick_bench.sim import outcome
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.errors import DrapeDiverged
@@ -141,6 +142,56 @@ class TestEvaluation:
             problem.observe(np.zeros(39))
         assert (problem.meter.failed, problem.meter.forward_equivalents) == (3, 4)
         assert problem.meter.trace[0].failure == "planted"
+
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("space", ["homo", "field"])
+    def test_vectors_that_stand_for_no_cloth_fail_and_spoil_no_other(self, space):
+        problem = toy_problem(space=space, budget=Budget())
+        near, seen = np.zeros(problem.dimension), []
+        far, unshaped = np.full(problem.dimension, 2000.0), near.copy()
+        assert problem.evaluate(far) == math.inf
+        assert "the parameters stand for no cloth: stretch must be finite" in problem.meter.trace[-1].failure
+        losses = problem.evaluate_batch(np.stack([far, near]))
+        assert losses.tolist() == [math.inf, problem.evaluate(near)]
+        expected = problem.evaluate_and_gradient(near)
+        found = problem.evaluate_and_gradient_batch(
+            np.stack([far, near]), lambda images: seen.extend(images) or images[1].square().sum()
+        )
+        assert seen == [1]
+        assert found[0].tolist() == [math.inf, expected[0]]
+        assert not found[1][0].any()
+        assert np.abs(found[1][1]).max() > 0
+        if space == "field":
+            unshaped[amplitude_entry("laying")] = 1e4
+            assert problem.evaluate(unshaped) == math.inf
+            assert "its shape as laid down or at rest is not finite" in problem.meter.trace[-1].failure
+
+    def test_gradient_that_is_not_finite_is_a_failed_drape(self):
+        problem, taus = toy_problem(budget=Budget()), np.zeros((2, 39))
+        losses, gradients = problem.evaluate_and_gradient_batch(
+            taus, lambda images: images[0].sum() + (images[1] - images[1].detach()).abs().sqrt().sum()
+        )
+        assert np.isfinite(losses).tolist() == [True, False]
+        assert "its gradient is not finite" in problem.meter.trace[-1].failure
+        assert np.abs(gradients[0]).max() > 0
+
+    def test_what_is_done_to_an_observed_drape_changes_no_later_one(self):
+        problem = toy_problem(mode="equilibrium", budget=Budget())
+        seen = problem.observe(np.zeros(39)).vertices
+        start = problem._branch.start(1)
+        assert start is not None
+        before = start.clone()
+        seen *= 1000
+        assert torch.equal(start, before)
+
+    @pytest.mark.filterwarnings("error")
+    def test_a_training_image_may_be_a_mirrored_or_protected_array(self):
+        problem = toy_problem(budget=Budget())
+        mirrored = np.flipud(problem.train_image)
+        protected = np.ascontiguousarray(mirrored)
+        protected.setflags(write=False)
+        losses = [replace(problem, train_image=image).evaluate(np.zeros(39)) for image in (mirrored, protected)]
+        assert losses[0] == losses[1] != problem.evaluate(np.zeros(39))
 
     def test_errors_of_set_up_are_no_failed_drapes(self):
         problem = toy_problem()

@@ -327,6 +327,14 @@ def test_springs_leave_all_of_the_plates_edge_free(vertices: int):
     np.testing.assert_array_equal(held, (radius < PLATE_RADIUS) & ~on_edge)
 
 
+def test_springs_need_a_vertex_within_the_plates_edge():
+    """On this mesh all that lies on the plate is the ring on its edge, which springs leave free."""
+    mesh = disc_mesh(150, plate_radius=0.02)
+    DrapeSimulator(mesh, DrapeSettings(plate_radius=0.02))
+    with pytest.raises(SimulationError, match=r"within the edge of the plate of radius 0\.02 m: nothing holds"):
+        DrapeSimulator(mesh, DrapeSettings(plate_radius=0.02, support="springs"))
+
+
 def test_the_same_drape_twice_is_bitwise_the_same():
     first, second = (DrapeSimulator(MESH, DrapeSettings(steps=20)).drape(_material()).vertices for _ in range(2))
     assert torch.equal(first, second)

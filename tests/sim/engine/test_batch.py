@@ -170,6 +170,22 @@ def test_shapes_for_all_cloths_are_asked_for_with_their_number():
         simulator.drape(_cloths(1)[0], initial=one * torch.nan)
 
 
+@pytest.mark.parametrize(
+    ("mesh", "settings"),
+    [(MESH, {"steps": 4}), (RINGS, {"steps": 4, "law": "plate"}), (MESH, {"steps": 15, "mode": "equilibrium"})],
+    ids=["drop", "shell", "equilibrium"],
+)
+def test_a_loss_without_a_finite_derivative_spoils_the_gradient_of_its_own_cloth_alone(mesh, settings):
+    simulator, cloths = DrapeSimulator(mesh, DrapeSettings(**settings)), _cloths(2, mesh, track=True)
+    vertices = simulator.drape_batch(cloths).vertices
+    (vertices[0].sum() + (vertices[1] - vertices[1].detach()).abs().sqrt().sum()).backward()
+    alone = _cloths(1, mesh, track=True)[0]
+    simulator.drape(alone).vertices.sum().backward()
+    assert torch.isnan(cloths[1].bending.grad).all()
+    expected = alone.bending.grad
+    assert torch.allclose(cloths[0].bending.grad, expected, rtol=1e-9, atol=1e-12 * float(expected.abs().max()))
+
+
 def _gradient(simulator: DrapeSimulator, again: bool = False) -> torch.Tensor:
     cloth = _cloths(1, track=True)[0]
     total = simulator.drape(cloth).vertices.sum()

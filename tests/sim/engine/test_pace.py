@@ -114,6 +114,14 @@ def test_a_cloth_that_flies_apart_has_the_same_drape_alone_and_among_others():
     assert torch.equal(batch.vertices, torch.stack([drape.vertices for drape in alone]))
 
 
+def test_a_laid_shape_with_a_gradient_is_dropped_where_none_is_asked_for():
+    simulator = DrapeSimulator(MESH, replace(STEADY, steps=5, pace="brisk"))
+    laid = torch.from_numpy(simulator.laid_down())
+    with torch.no_grad():
+        found = simulator.drape(CLOTHS[0], initial=laid.clone().requires_grad_()).vertices
+        assert torch.equal(found, simulator.drape(CLOTHS[0], initial=laid).vertices)
+
+
 def test_a_gradient_is_refused():
     cloth = uniform_material(density=0.2, bending=1e-5)
     cloth.bending.requires_grad_()
