@@ -72,6 +72,6 @@ picture: $(READY)  ## docs/architecture.svg from the import contracts
 readme: $(READY)  ## The README's leaderboard from the results of `make bench`
 	$(BIN)/python docs/readme_leaderboard.py $(OUT)
 
-clean:
-	rm -rf build dist *.egg-info runs
+clean:  ## What make has made, apart from .venv; other results in runs/ stay
+	rm -rf build dist *.egg-info runs/bench runs/check
 	find . -name '__pycache__' -not -path './$(VENV)/*' -prune -exec rm -rf {} +

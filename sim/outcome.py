@@ -75,14 +75,14 @@ class Outcome:
             x, own_back = self._drop(own, start, differentiate) if self._drops else self._rest(own, start)
 
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
-            unknown = ~np.isfinite(g_x).all((1, 2))
-            own = self.unknowns.by_configuration(np.where(unknown[:, None, None], 0.0, g_x))
+            known = np.array([bool(np.isfinite(one).all()) for one in g_x])
+            own = self.unknowns.by_configuration(np.where(known[:, None, None], g_x, 0.0))
             with alone():
                 found = own_back(own)
             gradient, g_initial = self.unknowns.gradient(*found)
-            unknown &= [failure is None for failure in self.failures]
+            lost = ~known & [failure is None for failure in self.failures]
             for array in (*vars(gradient).values(), g_initial):
-                array[unknown] = np.nan
+                array[lost] = np.nan
             return gradient, g_initial
 
         return self.unknowns.positions(x), back

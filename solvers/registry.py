@@ -64,7 +64,10 @@ def registered() -> dict[str, type[Solver]]:
     solvers = {solver.name: solver for solver in _BUILT_IN}
     solvers |= {f"nlopt:{algorithm}": nlopt_solver(algorithm) for algorithm in BENCHMARKED}
     for name, solver in registered_classes(ENTRY_POINTS, Solver, solvers).items():
-        if solver.kind in KINDS:
+        if (family := name.partition(":")[0]) in _FAMILIES:  # would stand for a member, or pass for a built-in one
+            why = f"has a name of the family {family}, whose members are built in; give it another one"
+            leave_out(ENTRY_POINTS, name, solver, why)
+        elif solver.kind in KINDS:
             solvers[name] = solver
         else:  # would count as one without physics, which meets no effects
             why = f"must be of a kind among {', '.join(KINDS)}, got kind = {solver.kind!r:.60}; correct it"
@@ -121,9 +124,14 @@ def solver_class(name: str) -> type[Solver]:
     if name in solvers:
         return solvers[name]
     family, _, member = name.partition(":")
+    why = why_left_out(ENTRY_POINTS, name)
     if family in _FAMILIES and member:
-        return _FAMILIES[family](member)
-    if why := why_left_out(ENTRY_POINTS, name):
+        try:
+            return _FAMILIES[family](member)
+        except SolverError:
+            if not why:
+                raise
+    if why:
         raise SolverError(f"solver {why}")
     raise SolverError(f"unknown solver {name!r}; {did_you_mean(name, solvers)}registered are {', '.join(solvers)}")
 

@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import shutil
 import subprocess
 import tomllib
 from pathlib import Path
@@ -52,6 +53,15 @@ def test_nothing_else_is_installed(monkeypatch: pytest.MonkeyPatch, wanted: set[
 def test_a_nested_package_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch, wanted: set[str]):
     monkeypatch.setattr(setuptools, "find_packages", lambda *_args, **_options: [])
     assert "cusick_bench/sim/engine/dynamics/drop.py" in wanted - _installed(monkeypatch, ROOT)
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+def test_clean_keeps_results(tmp_path: Path):
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    for name in ("bench", "check", "identify", "table-1"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+    subprocess.run(["make", "clean"], cwd=tmp_path, capture_output=True, check=True)
+    assert {path.name for path in (tmp_path / "runs").iterdir()} == {"identify", "table-1"}
 
 
 def test_version_is_said_alike_everywhere():

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import DiagnosisError
@@ -37,6 +36,7 @@ from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.options import ONE_SAMPLE, Options
 from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
+from cusick_bench.sim.effects.acting import acts_later
 from cusick_bench.sim.setup import Simulators
 
 _SEED = 20

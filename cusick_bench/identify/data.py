@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from cusick_bench.datasets import REGISTRY
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
-from cusick_bench.datasets.files.layout import is_hidden, scan
+from cusick_bench.datasets.files.layout import is_hidden, is_image_folder, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.files.first_names import first_names
 from cusick_bench.identify.document import Preparation, Refused
@@ -24,7 +24,6 @@ from cusick_bench.photographs.preparation.setting_text import SettingText, setti
 from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
-_SILHOUETTES = ("silh", "silo")  # beginnings of names of folders; the release's are misspelt, and silk is a cloth
 _MARKS = (PROTOCOL, FABRICS)
 _NEW = ".data"  # the data set that takes the place of the earlier one as soon as it is whole
 
@@ -48,8 +47,7 @@ def holds_photographs(folder: Path) -> bool:
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise IdentifyError(f"{folder}: {what}; give a folder of photographs, or a data set: {', '.join(REGISTRY)}")
     marked = any((place / name).exists() for place in (folder, folder / "data") for name in _MARKS)
-    named = (path for path in folder.glob("**/[sS]il*") if path.name.lower().startswith(_SILHOUETTES))
-    if marked or any(path.is_dir() for path in named):
+    if marked or any(is_image_folder(path.name) and path.is_dir() for path in folder.glob("**/[sS][iI][lL]*")):
         return False
     files = [path for path in sorted(folder.rglob("*")) if path.is_file() and not _is_hidden(path.relative_to(folder))]
     pictures = [path for path in files if path.suffix.lower() in SUFFIXES]

@@ -26,7 +26,7 @@ from cusick_bench.metrics.stiffness import (
     cloth_stiffness,
     element_weights,
 )
-from cusick_bench.solvers.base import Prediction, Solver
+from cusick_bench.solvers.base import Prediction, Solver, SolverError
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
@@ -188,6 +188,9 @@ def find_stiffness(
     Returns:
         What was found, None where the answer has no parameters, and bending stiffness of the draws that it sums up
         [N m], in the order of `BENDING`, None without a posterior.
+
+    Raises:
+        SolverError: The solver redraws another number of parameters than the problem has.
     """
     import torch
 
@@ -208,6 +211,11 @@ def find_stiffness(
     drawn, spreads = [], []
     for index in range(DRAWS):
         tau = np.array(solver.redraw(problem, prediction.posterior, index), dtype=np.float64)
+        if tau.shape != (problem.dimension,):
+            raise SolverError(
+                f"`redraw` of {solver.name} must give {problem.dimension} numbers, got shape {tau.shape} for draw "
+                f"{index}; mend the solver"
+            )
         if index < _SPREAD_DRAWS:
             spreads.append(stiffness(tau).bending_spread)
         tau[space.specimen_level] = 0.0

@@ -5,4 +5,4 @@ cloth's outline and its confidence; preparation: from a folder of photographs to
 photographs whose outline is known; accuracy: errors of outlines on these. All raise `BadPhotograph` (errors).
 """
 
-NUMERICS_VERSION = 3  # raised when outlines, silhouettes or their confidence change: see runner/numerics.py
+NUMERICS_VERSION = 4  # raised when outlines, silhouettes or their confidence change: see runner/numerics.py

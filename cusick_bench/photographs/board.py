@@ -14,6 +14,7 @@ SQUARE = 0.020  # [m]
 MARKER = 0.015  # [m]
 WIDTH, HEIGHT = COLUMNS * SQUARE, ROWS * SQUARE  # [m]
 LEAST_DISC = 0.1  # [m] least diameter of a disc cut out of it whose corners (12) are enough for a calibration
+MOST_DISC = 0.2  # [m] largest diameter that fits the sheets of paper
 _DICTIONARY = cv2.aruco.DICT_4X4_50
 
 

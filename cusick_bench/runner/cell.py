@@ -40,7 +40,14 @@ from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.samples import read_image, read_repeats, read_sample, readable_rows, training_rows
+from cusick_bench.runner.samples import (
+    place_in_order,
+    read_image,
+    read_repeats,
+    read_sample,
+    readable_rows,
+    training_rows,
+)
 from cusick_bench.runner.store import (
     CELL_FILE,
     MOST_PREDICTION_BYTES,
@@ -77,16 +84,15 @@ def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scen
     """Scene with the effects that act in the picture that is fitted."""
     if not cell.settings.causes:
         return None
-    row, table = cell.train[0], dataset.index
-    shown = [*table.index[table["image"] == table.at[row, "same_as"]], row][0]  # a named image's capture has the number
-    capture = int(table.at[shown, "capture"])
+    row = cell.train[0]
+    capture, later = place_in_order(dataset, row)
     return Scene(
         parse_causes(cell.settings.causes),
         simulator.mesh,
         simulator.settings,
-        side="down" if table.at[row, "side"] == "down" else "up",
+        side="down" if dataset.index.at[row, "side"] == "down" else "up",
         capture=capture,
-        later=any(int(table.at[other, "capture"]) < capture for other in dataset.repeats(row)),
+        later=later,
         seed=cell.seed,
     )
 
@@ -257,13 +263,15 @@ def solve_cell(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report:
     solver = make_solver(cell.solver)
     if isinstance(solver, Oracle):
         solver = solver.revealing(_heldout(dataset, cell))
-    meter = problem.meter
-    meter.observers.append(lambda evaluation: report(meter.share, evaluation.best_loss, ""))
-    return solver.solve(
-        problem,
-        np.random.default_rng([cell.seed, 2]),
-        lambda message, fraction: report(fraction, meter.best_loss, message),
-    )
+    meter, said = problem.meter, ""
+
+    def tell(message: str, fraction: float) -> None:
+        nonlocal said
+        said = message
+        report(fraction, meter.best_loss, message)
+
+    meter.observers.append(lambda evaluation: report(meter.share, evaluation.best_loss, said))
+    return solver.solve(problem, np.random.default_rng([cell.seed, 2]), tell)
 
 
 def score_cell(dataset: DrapeDataset, cell: Cell, prediction: Prediction) -> dict[str, float]:

@@ -5,6 +5,7 @@ import json
 import logging
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -12,14 +13,16 @@ from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import Split
+from cusick_bench.files.first_names import first_names
 from cusick_bench.files.json_text import json_text
 from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical, parse_causes
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled, unspaced
 from cusick_bench.runner.numerics import cell_numerics, sought_at_rest
-from cusick_bench.runner.samples import seen_of_samples
+from cusick_bench.runner.samples import place_in_order, seen_of_samples
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
+from cusick_bench.sim.effects.acting import acts_later
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
@@ -272,7 +275,7 @@ def plan(
             f"{meshed[0]} balances forces of faces and hinges at vertices, and law plate has none there; run it with "
             "--law paper, whose tables mean the same stiffness"
         )
-    cells = []
+    cells, idle = [], defaultdict[str, list[str]](list)
     for split in dataset.split(protocol, cloths) if splits is None else splits:
         seen = seen_of_samples(dataset, split.train, split.test)
         for text, solver in made.items():
@@ -282,6 +285,8 @@ def plan(
                     f"{text} learns from both faces of {split.cloth}, but effects are simulated for the face of the "
                     "first sample only; run it without --with-effect, or with --protocol paper"
                 )
+            for name in _idle(dataset, split, own):
+                idle[name].append(split.cloth)
             numerics = cell_numerics(solver, own.drape, own.causes, space=own.space, **seen)
             cells += [
                 Cell(
@@ -302,7 +307,20 @@ def plan(
     for cell in cells:
         if made[cell.solver].kind == "solver":
             dataset.require_density(cell.train[0])
+    for name, where in idle.items():
+        _log.warning(
+            "effect %s acts in later pictures of a drape only, but the picture of %s that is fitted is the first one: "
+            "it changes nothing there; leave it out",
+            name, first_names(list(dict.fromkeys(where))),
+        )  # fmt: skip
     return cells
+
+
+def _idle(dataset: DrapeDataset, split: Split, own: ProblemSettings) -> list[str]:
+    """Names of the effects that leave the picture that is fitted as it is, since no earlier one lies before it."""
+    if not own.causes or place_in_order(dataset, split.train[0])[1]:
+        return []
+    return [cause.effect.name for cause in parse_causes(own.causes) if acts_later(cause.effect)]
 
 
 def _made(solvers: Iterable[str]) -> dict[str, Solver]:

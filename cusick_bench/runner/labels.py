@@ -68,7 +68,7 @@ def numerics_text(versions: Mapping[str, int]) -> str:
     return ", ".join(f"{part} {version}" for part, version in versions.items())
 
 
-PARTS_OF_SAMPLES = ("both faces", "repeats")
+PARTS_OF_SAMPLES = ("both faces", "repeats", "series")
 """Parts of the numerics that cells have only where their samples need them: cells of one code may differ in them."""
 
 

@@ -60,6 +60,8 @@ REST_SHAPE = 1
 """Version of where a random rest shape lies on a cloth with effects; cells without it had it about the plate's axis."""
 REPEATS = 1
 """Version of the scores of held-out samples with several captures."""
+SERIES = 1
+"""Version of effects in a later picture of a series over time; cells without it took it for the first one."""
 
 
 def cell_numerics(
@@ -70,6 +72,7 @@ def cell_numerics(
     space: str = DEFAULT_SPACE,
     both_faces: bool = False,
     repeats: bool = False,
+    series: bool = False,
     pinhole: bool = False,
 ) -> dict[str, int]:
     """Versions of what decides a cell's numbers.
@@ -81,6 +84,7 @@ def cell_numerics(
         space: Name of the parameter space, for solvers that have no space of their own.
         both_faces: Whether samples of both faces train.
         repeats: Whether a held-out sample was captured several times.
+        series: Whether the picture that is fitted is a later one of a series over time.
         pinhole: Whether the camera was so near that radii are corrected for perspective.
 
     Returns:
@@ -98,6 +102,8 @@ def cell_numerics(
             versions["springs"] = SPRINGS
         if with_effects and drape.rest_amplitude > 0:
             versions["rest shape"] = REST_SHAPE
+        if with_effects and series:
+            versions["series"] = SERIES
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION

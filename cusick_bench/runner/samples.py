@@ -31,6 +31,7 @@ class SeenOfSamples(TypedDict):
 
     both_faces: bool
     repeats: bool
+    series: bool
     pinhole: bool
 
 
@@ -139,6 +140,33 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     return tuple(int(row) for row in own.index), tuple(int(row) for row in other.index)
 
 
+def place_in_order(dataset: DrapeDataset, row: int) -> tuple[int, bool]:
+    """Where a picture stands among those of one drape.
+
+    Args:
+        dataset: The data set.
+        row: Row of its index; the picture of a named set has the number that it has in its fabric.
+
+    Returns:
+        Number of the capture, and whether an earlier picture lies before it: another capture, or one of a series over
+        time.
+    """
+    table = dataset.index
+    capture = int(table.at[_in_its_fabric(dataset, row), "capture"])
+    earlier = any(int(table.at[other, "capture"]) < capture for other in dataset.repeats(row))
+    return capture, earlier or _later_in_series(dataset, row)
+
+
+def _in_its_fabric(dataset: DrapeDataset, row: int) -> int:
+    """The row of its fabric that shows a picture of a named set; the row itself where there is none."""
+    table = dataset.index
+    return int([*table.index[table["image"] == table.at[row, "same_as"]], row][0])
+
+
+def _later_in_series(dataset: DrapeDataset, row: int) -> bool:
+    return int(dataset.index.at[_in_its_fabric(dataset, row), "observation"]) > 1
+
+
 def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[int]) -> SeenOfSamples:
     """Faces, captures and camera of the samples of a split.
 
@@ -148,13 +176,15 @@ def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[
         test: Rows that are held out.
 
     Returns:
-        Whether samples of both faces train, whether a held-out sample was captured several times, and whether the
-        camera was so near that radii are corrected for perspective.
+        Whether samples of both faces train, whether a held-out sample was captured several times, whether the picture
+        that is fitted is a later one of a series over time, and whether the camera was so near that radii are corrected
+        for perspective.
     """
     repeats = dataset.table.loc[list(test), "sample"].duplicated().any()
     return SeenOfSamples(
         both_faces=bool(training_rows(dataset, train)[1]),
         repeats=bool(repeats),
+        series=_later_in_series(dataset, train[0]),
         pinhole=dataset.protocol.projection == "pinhole",
     )
 

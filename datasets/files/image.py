@@ -27,7 +27,7 @@ UNREAD_SUFFIXES = (".webp", ".gif", ".heic", ".heif", ".avif", ".jfif", ".jp2", 
 _FORMATS = ("JPEG", "PNG", "BMP", "TIFF")
 _MODES = ("1", "L", "P", "LA", "RGB", "RGBA", "CMYK", "I", "I;16", "I;16B", "F", "YCbCr")
 _TRANSPARENT = {("PNG", "LA"), ("PNG", "P"), ("PNG", "RGB"), ("PNG", "RGBA")}  # elsewhere OpenCV loses transparency
-_MAXIMUM_BYTES = 32 << 20
+_MAXIMUM_BYTES = 64 << 20  # as much as is hashed; colours of the largest size have 48 MiB without compression
 _MAXIMUM_PIXELS = MAXIMUM_SIZE**2  # checked before decoding
 _SECOND_BLOB = 0.005  # a second object above this share of the cloth's area makes the image ambiguous
 _COLOUR_STEP = 24  # grey levels by which channels may differ (JPEG colour rounding)
@@ -119,7 +119,7 @@ def _content(path: Path, size: int, replace: str) -> bytes:
     """The file, once its header promises a small image of a known kind; nothing has been decoded so far."""
     length = path.stat().st_size
     if length > _MAXIMUM_BYTES:
-        raise _bad(path, "image-too-large", f"{length} bytes are no silhouette", replace)
+        raise _bad(path, "image-too-large", f"has {length} bytes; at most {_MAXIMUM_BYTES} are read", "save it as PNG")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with Image.open(path, formats=_FORMATS) as image:

@@ -235,7 +235,7 @@ class Heter(Solver):
         while walk.step < self.steps:
             if walk.step % SAVED == 0:
                 self._keep(problem, fit, walk)
-                progress(f"step {walk.step + 1}, loss {incumbent.loss:.4f}", problem.meter.share)
+            progress(f"step {walk.step + 1} of {self.steps}", problem.meter.share)
             walk = walk.on(fit, self.radius * (1 - (1 - LAST) * walk.step / self.steps))
         return True
 

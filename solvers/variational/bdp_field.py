@@ -123,6 +123,8 @@ class BdpField(Solver):
                     known = _known_stiffness(problem, inference.cloths)
                     progress(f"inference, round {number} of {self.rounds}; {known}", problem.meter.share)
                     inference.drape(cloths)
+                known = _known_stiffness(problem, inference.cloths)
+                progress(f"fitting the training silhouette; {known}", problem.meter.share)
                 self._fit_specimen(incumbent, inference.middle)
                 finished = True
             except BudgetExceeded:
@@ -205,4 +207,9 @@ def _known_stiffness(problem: DrapeProblem, cloths: Float[np.ndarray, "cloths nu
     from cusick_bench.problem.cloth_tables import mean_bending
 
     low, middle, high = 1e6 * np.quantile(mean_bending(problem.space.prior, cloths), [0.05, 0.5, 0.95])
-    return f"bending {middle:.3g} µN m, {low:.2g} to {high:.2g}"
+    return f"bending {_figures(middle, 3)} µN m, {_figures(low, 2)} to {_figures(high, 2)}"
+
+
+def _figures(value: float, digits: int) -> str:
+    """A number with so many significant digits; thousands without exponent."""
+    return f"{float(f'{value:.{digits}g}'):g}"

@@ -45,6 +45,7 @@ def predictive_draws(
     """
     seen: dict[int, Observation] = {}
     tried = 0
+    progress(f"draping draws, 0 of {count}", problem.meter.share)
     while len(seen) < count and tried < MOST * count:
         chosen = range(tried, min(tried + TOGETHER, tried + count - len(seen), MOST * count))
         drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]))

@@ -78,6 +78,10 @@ class VersionSolvers(NamedSolvers):
     name, version = "odd", "1.1"
 class KindSolvers(NamedSolvers):
     name, kind = "odd", "gradient"
+class MemberSolvers(NamedSolvers):
+    name = "nlopt:LN_PRAXIS"
+class FurtherSolvers(NamedSolvers):
+    name = "nlopt:MINE"
 """
 
 
@@ -232,6 +236,23 @@ def test_a_package_does_not_take_a_built_in_name(register, group, taken):
     with pytest.warns(RuntimeWarning, match=f"'{taken}'.*name that is taken"):
         names = registered() if group == "effects" else registered_solvers()
     assert taken in names
+
+
+def test_a_package_does_not_stand_for_a_member_of_a_built_in_family(register):
+    register("solvers", "nlopt:LN_PRAXIS = odd_class:MemberSolvers\nnlopt:MINE = odd_class:FurtherSolvers")
+    with pytest.warns(RuntimeWarning, match="'nlopt:LN_PRAXIS'.*has a name of the family nlopt.*left out"):
+        names = registered_solvers()
+    assert not {"nlopt:LN_PRAXIS", "nlopt:MINE"} & names.keys()
+
+
+@pytest.mark.filterwarnings("ignore:'nlopt")
+def test_members_of_a_built_in_family_stay_what_they_are(register):
+    register("solvers", "nlopt:LN_PRAXIS = odd_class:MemberSolvers\nnlopt:MINE = odd_class:FurtherSolvers")
+    assert solver_class("nlopt:LN_PRAXIS").__module__ == "cusick_bench.solvers.black_box.nlopt_family"
+    with pytest.raises(SolverError, match=r"'nlopt:MINE' .*has a name of the family nlopt"):
+        solver_class("nlopt:MINE")
+    with pytest.raises(SolverError, match="NLopt has no algorithm 'LN_MAGIC'"):
+        solver_class("nlopt:LN_MAGIC")
 
 
 @pytest.mark.parametrize(

@@ -198,6 +198,18 @@ def test_lines_of_a_grid_show_share_and_loss(cells):
     assert not re.search(r"\x1b", written(where))
 
 
+def test_cells_that_failed_do_not_count_as_finished_and_kept(cells):
+    """They are run again when the command is repeated."""
+    grid = GridProgress(screen())
+    grid.begin(cells, cells[:2])
+    grid.end(cells[0], "failed", "planted failure")
+    assert cells_kept(grid, Path("runs/a")) == (
+        "1 of 3 cells are finished and kept in runs/a, 1 failed and will be run again; what the others have spent is "
+        "kept, too"
+    )
+    assert grid.line().startswith("cells: 67 % (2 of 3), ")
+
+
 def test_a_grid_is_judged_by_drapes_to_make_rather_than_by_cells(make_lab):
     """Three cells without physics are no time, and draws from a posterior take as long as other drapes."""
     solvers = ["null:disc", "null:copy", "null:random-phase", "homo", "bdp-field,draws=200"]

@@ -55,6 +55,24 @@ def test_the_largest_size_of_a_protocol_is_read(tmp_path):
         Protocol(image_size_px=MAXIMUM_SIZE + 1, px_per_m=723 * scale, centre_px=centre)
 
 
+@pytest.mark.parametrize(("suffix", "channels", "depth"), [("bmp", 3, np.uint8), ("tif", 1, np.uint16)])
+def test_the_largest_size_of_a_protocol_is_read_without_compression(tmp_path, suffix, channels, depth):
+    """Colours of 8 bits, or grey of 16, were said to be no silhouette from 3345 or 4096 pixels on."""
+    centre = ((MAXIMUM_SIZE - 1) / 2, (MAXIMUM_SIZE - 1) / 2)
+    protocol = Protocol(image_size_px=MAXIMUM_SIZE, px_per_m=723 * MAXIMUM_SIZE / 256, centre_px=centre)
+    levels = np.full((MAXIMUM_SIZE, MAXIMUM_SIZE), np.iinfo(depth).max, depth)
+    levels[MAXIMUM_SIZE // 4 : -MAXIMUM_SIZE // 4, MAXIMUM_SIZE // 4 : -MAXIMUM_SIZE // 4] = 0
+    path = tmp_path / f"large.{suffix}"
+    Image.fromarray(levels if channels == 1 else np.repeat(levels[..., None], channels, axis=2)).save(path)
+    assert path.stat().st_size > 32 << 20  # or the test tries nothing
+    assert read_silhouette(path, protocol).mean() == pytest.approx(0.25)
+    with path.open("ab") as file:
+        file.truncate((64 << 20) + 1)
+    with pytest.raises(BadImage, match=r"has 67108865 bytes; at most 67108864 are read; save it as PNG") as caught:
+        read_silhouette(path, protocol)
+    assert caught.value.kind == "image-too-large"
+
+
 @pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])
 def test_files_that_are_cut_short_are_unreadable(tmp_path, suffix):
     path = tmp_path / f"drape.{suffix}"

@@ -92,10 +92,11 @@ def test_causes_to_simulate_are_in_the_laboratorys_lengths(laboratories):
     causes = tuple(Candidate(known[name], value, 0.0, 0.0, 0.0) for name, value in values.items())
     nominal = captures(laboratories, "release")
     found = replace(diagnose(nominal, emulator, options=Options(samples=0)), causes=causes)
-    listed = [
-        document(found, captures(laboratories, name), emulator, command="", version="").with_effect
+    made = [
+        document(found, captures(laboratories, name), emulator, command="", version="")
         for name in ("release", "small cloth")
     ]
+    listed = [one.with_effect for one in made]
     assert listed[0] == (
         "local-mass-patch:mass=1,direction=30,radius=0.12,size=0.02",
         "perspective:inverse_height=1",
@@ -109,6 +110,12 @@ def test_causes_to_simulate_are_in_the_laboratorys_lengths(laboratories):
         "rest-curvature:curvature=200,direction=45",  # its bound
     )
     assert len(parse_causes(listed[1])) == len(causes)
+    told = [[note for note in one.notes if "--with-effect" in note] for one in made]
+    assert told[0] == []
+    assert told[1] == [
+        "rest-curvature: curvature is 238 1/m on this cloth, but --with-effect takes -200 to 200 only and is given "
+        "200, so what it simulates differs"
+    ]
 
 
 @pytest.mark.parametrize("frame", ["lab", "cloth"])

@@ -121,6 +121,24 @@ def test_steep_folds_on_a_small_plate_are_not_ragged():
     assert smaller.evidence.roughness_mm > 2 * found.evidence.roughness_mm
 
 
+@pytest.mark.parametrize(("plate", "cloth"), [(0.09, 0.15), (0.09, 0.12), (0.12, 0.15)])
+def test_limp_cloth_is_no_bare_plate_whatever_its_overhang(plate, cloth):
+    """Two limp drapes of one shape, the one of 24 cm (the standard's for limp cloth), which was asked for a cloth."""
+
+    def limp(x, y):
+        return np.hypot(x, y) < plate + (cloth - plate) * (0.15 + 0.12 * np.cos(7 * np.arctan2(y, x)))
+
+    def bare(x, y):
+        return np.hypot(x, y) < plate
+
+    for inside, lies in ((limp, 0.15), (bare, 0.0)):
+        picture = _levels(inside, (0.4, 0.4, 0.4), lambda x, y: np.full(x.shape, 0.04))
+        found = find_outline(picture, _view(), plate=plate, cloth=cloth)
+        assert found.evidence.beyond_plate == pytest.approx(lies, abs=0.015)
+        assert ("is there a cloth?" in "; ".join(doubts(found.evidence))) == (inside is bare)
+        assert (found.confidence > ACCEPTED) == (inside is limp)
+
+
 def _levels(inside, cloth, outside, blur=1.0):
     """A photograph of flat colours, drawn four times as fine as its pixels; light adds up, and is cut off at white."""
     fine = (np.arange(3600) + 0.5) / 4 - 0.5

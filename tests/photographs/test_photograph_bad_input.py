@@ -1,5 +1,6 @@
 """What cannot be prepared is refused in one line that says the picture, the rule and the remedy."""
 
+import os
 import shutil
 
 import cv2
@@ -9,6 +10,7 @@ from PIL import ExifTags, Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.pictures import find_pictures
 from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
 from cusick_bench.photographs.preparation.weights import weights_of_options
@@ -110,6 +112,34 @@ def test_a_phone_s_format_is_refused_unless_the_picture_is_there_in_another(tmp_
     (only / "Fabric_1_Sample_1_Capture_1.heic").write_bytes(b"heic")
     done = CliRunner().invoke(app, ["identify", str(only), "--out", str(tmp_path / "found")])
     assert "export it as JPEG" in " ".join(done.output.split())
+
+
+def test_photographs_in_a_linked_folder_do_not_go_missing(tmp_path):
+    """Nothing was said of a fabric whose pictures lie on another disk."""
+    folder, elsewhere = _folder(tmp_path, DRAPE, "plate.jpg"), tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (folder / "Fabric 2").symlink_to(elsewhere)
+    assert "Fabric 2: is a link to a folder, which is not followed; copy the folder" in _refused(folder, tmp_path)
+    (folder / "Fabric 2").rename(folder / ".Fabric 2")
+    assert len(find_pictures(folder).drapes) == 1
+
+
+@pytest.mark.parametrize("part", [".", "Fabric 2"])
+def test_a_folder_of_photographs_that_cannot_be_read_is_named(tmp_path, monkeypatch, part):
+    folder = _folder(tmp_path, DRAPE, "plate.jpg")
+    (folder / "Fabric 2").mkdir()
+    plain = os.scandir
+
+    def scandir(place):
+        if place == str(folder / part):
+            raise PermissionError(13, "Permission denied", place)
+        return plain(place)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    with pytest.raises(BadPhotograph, match=r"folder cannot be read \(Permission denied\); change its mode") as caught:
+        find_pictures(folder)
+    assert caught.value.where == str(folder / part)
+    assert caught.value.kind == "no-permission"
 
 
 def test_samples_may_be_numbered_by_their_date(tmp_path):

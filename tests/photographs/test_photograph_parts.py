@@ -255,6 +255,18 @@ def test_a_board_that_the_printer_scaled_is_refused_by_the_plate(board_and_plate
         calibrated(board, [], plate, 0.09, printed=1 / size)
 
 
+@pytest.mark.parametrize(("radius", "told"), [(0.09, False), (0.1, False), (0.12, True), (0.045, True)])
+def test_a_plate_that_no_disc_of_the_board_fits_needs_a_picture_of_its_own(board_and_plate, radius, told, caplog):
+    """Its middle was taken to be that of a board that lies anywhere on it, and to be known to .3 mm."""
+    board, plate = board_and_plate
+    calibrated(board, [], None, radius)
+    assert (f"a plate of {2e3 * radius:g} mm, so its middle" in caplog.text) == told
+    assert ("add plate.jpg" in caplog.text) == told
+    caplog.clear()
+    calibrated(board, [], plate, 0.09)
+    assert "plate.jpg" not in caplog.text
+
+
 def _rimmed_plate(width: float) -> Photograph:
     """A bare, dark plate of 90 mm radius with a white rim."""
     camera, taken = make_laboratory(3).camera, _plate()

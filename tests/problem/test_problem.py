@@ -309,6 +309,21 @@ class TestBudget:
         problem.draw_batch(tau[None])
         assert problem.meter.share == pytest.approx(1 / 2)
 
+    @pytest.mark.parametrize("drapes", [None, 100])
+    def test_the_share_of_a_search_that_its_time_ends_does_not_fall_at_the_first_draw(self, monkeypatch, drapes):
+        """There is time for three drapes, and the prediction takes two: it fell from 1 to 1/2, and rose again."""
+        clock = clock_of_drapes(monkeypatch, 30.0)
+        problem, shares = toy_problem(budget=Budget(drapes, seconds=90)), []
+        problem.meter._clock_zero, problem.meter.draws = clock[0], 2
+        tau = np.zeros(problem.dimension)
+        for _ in range(3):
+            problem.evaluate(tau)
+            shares.append(problem.meter.share)
+        for _ in range(2):
+            problem.draw_batch(tau[None])
+            shares.append(problem.meter.share)
+        assert shares == pytest.approx([1 / 5, 2 / 5, 3 / 5, 4 / 5, 1])
+
     @pytest.mark.parametrize("options", [{"forward_equivalents": 0}, {"seconds": -1.0}, {"seconds": math.nan}])
     def test_budget_must_be_positive(self, options):
         with pytest.raises(ProblemError, match="must be > 0"):

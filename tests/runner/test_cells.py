@@ -22,11 +22,13 @@ from cusick_bench.runner import (
     run,
     run_cell,
 )
+from cusick_bench.runner.cell import build_problem, solve_cell
 from cusick_bench.runner.environment import code_state, code_text
 from cusick_bench.runner.executors.pool import work
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import TimeLimit
+from cusick_bench.solvers.base import prediction_at
 from cusick_bench.solvers.bayesian_optimisation import gaussian_process
 from cusick_bench.solvers.gradient.homo import Homo
 
@@ -124,6 +126,23 @@ class TestCells:
         assert result["status"] == "failed"
         assert "did not come to rest" in result["failure"]
         assert result["spent"]["failed"] == result["spent"]["forward"] > 0
+
+    def test_what_a_solver_says_stands_until_it_says_something_else(self, dataset, monkeypatch):
+        """The next drape took it away: what `bdp-field` knows of the stiffness was there for a moment only."""
+
+        def speaking(self, problem, generator, progress):
+            tau = np.zeros(problem.dimension)
+            for words in ("first answer", "inference"):
+                progress(words, problem.meter.share)
+                for _ in range(2):
+                    problem.evaluate(tau)
+            return prediction_at(problem, tau, finished=True)
+
+        monkeypatch.setattr(Homo, "_solve", speaking)
+        (cell,) = plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=SMALL)
+        said: list[str] = []
+        solve_cell(build_problem(dataset, cell), dataset, cell, lambda share, loss, message: said.append(message))
+        assert said == ["first answer"] * 3 + ["inference"] * 4
 
     def test_seeds_decide(self, data, tmp_path):
         cells, _ = run_small(data, tmp_path, ["null:random-phase,draws=3"], seeds=[0, 1])

@@ -192,6 +192,23 @@ class TestGrid:
         with pytest.raises(SimulationError, match=r"did you mean 'plate-tilt'"):
             _cells(data, ("plate-tilts",))
 
+    def test_an_effect_that_changes_nothing_is_told(self, data, caplog):
+        """Creep shows in later pictures only, such as the second of a series over time."""
+        plain = load(data)
+        first, second = (replace(plain, table=plain.table.assign(observation=number)) for number in (1, 2))
+        for dataset, acts in ((plain, False), (first, False), (second, True)):
+            caplog.clear()
+            (cell,) = plan(dataset, solvers=["homo"], settings=replace(SMALL, causes=("creep", "plate-tilt")))
+            scene = build_problem(dataset, cell).scene
+            assert scene is not None
+            assert (scene.later, scene.stateful) == ((True, "creep") if acts else (False, ""))
+            assert ("series" in dict(cell.numerics)) == acts
+            told = [
+                "effect creep acts in later pictures of a drape only, but the picture of fabric_1 that is fitted is "
+                "the first one: it changes nothing there; leave it out"
+            ]
+            assert [record.getMessage() for record in caplog.records] == ([] if acts else told)
+
     def test_the_problem_of_a_cell_is_posed_on_the_causes_mesh_and_plate(self, data):
         (cell,) = _cells(data, ("plate-radius:error=.005", "cut-size:error=-.002"))
         problem = build_problem(load(data), cell)

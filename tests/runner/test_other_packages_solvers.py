@@ -6,14 +6,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from other_package import REPLIES, install
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.leaderboard.verification.verify import verified_keys
 from cusick_bench.runner.grid import record_key
-from cusick_bench.solvers.base import SolverError
-from cusick_bench.solvers.registry import make_solver, registered
+from cusick_bench.solvers.base import Solver, SolverError
+from cusick_bench.solvers.registry import make_solver, registered, solver_class
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -69,6 +71,23 @@ class Talker(Solver):
 """
 
 
+REDRAWING = f"""{REPLIES}
+from dataclasses import replace
+
+from cusick_bench.solvers.base import prediction_at
+
+
+@dataclass(frozen=True)
+class Redrawer(Solver):
+    name: ClassVar[str] = "redrawer"
+
+    def _solve(self, problem, generator, progress):
+        fit = prediction_at(problem, np.zeros(problem.dimension), finished=True)
+        return replace(fit, posterior={{"draws": np.arange(1)}})
+
+    def redraw(self, problem, posterior, index):
+        return np.zeros(problem.dimension)
+"""
 OPTIONED = f"""{REPLIES}
 from enum import Enum
 from math import inf
@@ -90,6 +109,12 @@ class Optioned(Solver):
     def _solve(self, problem, generator, progress):
         return answer(problem)
 """.replace("import ClassVar", "import Any, ClassVar")
+
+
+@pytest.fixture
+def redrawing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> type[Solver]:
+    install(monkeypatch, tmp_path / "site", "cusick_redrawing", REDRAWING, {"redrawer": "Redrawer"})
+    return solver_class("redrawer")
 
 
 @pytest.fixture
@@ -170,6 +195,36 @@ def test_nor_does_what_it_prints_in_a_worker(printing: Path, tmp_path: Path):
         check=False,
     )
     assert _all_said_elsewhere(done.stdout, done.stderr)
+
+
+@pytest.mark.parametrize("ending", [RuntimeError("no device here"), SystemExit(3)], ids=["error", "exit"])
+def test_a_solver_that_fails_while_its_cell_is_verified_leaves_the_other_cells(
+    monkeypatch: pytest.MonkeyPatch, redrawing: type[Solver], tmp_path: Path, ending: BaseException
+):
+    def redraw(self, problem, posterior, index):
+        raise ending
+
+    assert CliRunner().invoke(app, _words(tmp_path / "run", "null:disc", "redrawer")).exit_code == 0
+    monkeypatch.setattr(redrawing, "redraw", redraw)
+    result = CliRunner().invoke(app, ["verify", str(tmp_path / "run"), "--json"])
+    assert result.exit_code == 1, result.output
+    cells = {cell["solver"]: cell for cell in json.loads(result.stdout)["cells"]}
+    assert {solver: cell["status"] for solver, cell in cells.items()} == {
+        "null:disc": "verified",
+        "redrawer": "unreadable",
+    }
+    assert type(ending).__name__ in cells["redrawer"]["notes"][0]
+    assert len(verified_keys(tmp_path / "run")) == 1
+
+
+def test_a_solver_that_redraws_too_few_numbers_is_told_how_many(
+    monkeypatch: pytest.MonkeyPatch, redrawing: type[Solver], tmp_path: Path
+):
+    monkeypatch.setattr(redrawing, "redraw", lambda *_: np.zeros(3))
+    result = CliRunner().invoke(app, _words(tmp_path / "run", "redrawer"))
+    assert result.exit_code == 1, result.output
+    (cell,) = json.loads(result.stdout)["cells"]
+    assert "`redraw` of redrawer must give 39 numbers, got shape (3,) for draw 0" in cell["failure"]
 
 
 def test_help_stays_on_standard_output():

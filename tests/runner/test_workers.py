@@ -1,6 +1,7 @@
 """Several processes: a kill and the same numbers after it, two runs of one cell, workers that die."""
 
 import os
+import queue
 import shutil
 import signal
 import subprocess
@@ -13,7 +14,8 @@ from contextlib import ExitStack
 import pytest
 from small_grid import SMALL, numbers, run_small, small_run_arguments
 
-from cusick_bench.runner import Cell, RunnerError, Store, Unwatched, plan, run_cell
+from cusick_bench.runner import Cell, RunnerError, Source, Store, Unwatched, plan, run_cell
+from cusick_bench.runner.executors.pool import _Worker
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -149,6 +151,20 @@ class TestPool:
         cells, results = run_small(data, tmp_path, ["null:disc"], executor=_Mortal(after=True))
         assert [result["status"] for result in results] == ["done"]
         assert Store(tmp_path).is_done(cells[0].key)
+
+    def test_a_worker_tells_at_once_what_a_solver_says(self, data, tmp_path, dataset, monkeypatch):
+        """It follows a drape within milliseconds, and of drapes a worker tells five times a second at most."""
+
+        def watched(dataset, cell, store, report, simulators):
+            for words in ("", "", "inference", "inference", "scoring"):
+                report(0.5, 0.1, words)
+            return {}
+
+        monkeypatch.setattr("cusick_bench.runner.executors.pool.run_cell", watched)
+        (cell,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
+        messages: queue.SimpleQueue[tuple[Cell, float, float, str]] = queue.SimpleQueue()
+        _Worker(messages).run(Source(str(data)), cell, tmp_path)
+        assert [messages.get()[-1] for _ in range(messages.qsize())] == ["", "inference", "scoring"]
 
     def test_number_of_workers(self, data, tmp_path):
         with pytest.raises(RunnerError, match="workers must be >= 1"):

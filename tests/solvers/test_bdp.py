@@ -1,6 +1,7 @@
 """Variational inference: its Gaussian, its steps, what it learns, and that a kill loses nothing."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from toy_problem import toy_problem
 
 from cusick_bench.datasets.profile import drape_coefficient
 from cusick_bench.problem import Budget, DrapeProblem, FieldSpace, Observation
-from cusick_bench.problem.cloth_prior import MODES
+from cusick_bench.problem.cloth_prior import CLOTH, MODES, trait_entry
+from cusick_bench.problem.cloth_tables import mean_bending
 from cusick_bench.problem.losses import radius_profile
 from cusick_bench.problem.metering.budget import Meter
 from cusick_bench.problem.scene import Scene
@@ -19,6 +21,7 @@ from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.base import SolverError, silent
 from cusick_bench.solvers.reference.silhouettes import silhouette
 from cusick_bench.solvers.registry import make_solver
+from cusick_bench.solvers.variational.bdp_field import _known_stiffness
 from cusick_bench.solvers.variational.gaussian_posterior import Gaussian
 from cusick_bench.solvers.variational.predictive import predictive_draws
 
@@ -276,3 +279,16 @@ class TestLearning:
             middle, _, interval = words.partition(" µN m, ")
             low, high = (float(number) for number in interval.split(" to "))
             assert 0.01 < low < float(middle) < high < 1e4
+        assert said[-2] == "draping draws, 0 of 1", "no word of the search stays while draws are draped"
+        (fitting,) = (message for message in said if message.startswith("fitting"))
+        assert re.match("fitting the training silhouette; bending .* µN m, .* to ", fitting)
+
+    def test_bdp_field_writes_the_stiffness_of_stiff_cloth_without_exponents(self):
+        """Of canvas it said `1.02e+03 µN m, 6.8e+02 to 1.5e+03`."""
+        problem, cloths = toy_problem(space="field"), np.zeros((3, CLOTH))
+        cloths[:, trait_entry("bending")] = 3.0, 3.5, 4.0
+        words = _known_stiffness(problem, cloths)
+        assert "e" not in words.removeprefix("bending")
+        middle = 1e6 * mean_bending(problem.space.prior, cloths)[1]
+        assert middle > 1000
+        assert float(words.split()[1]) == pytest.approx(middle, rel=0.005)

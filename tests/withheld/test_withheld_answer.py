@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.files import digest
 from cusick_bench.files.digest import file_digest
@@ -182,6 +183,16 @@ def test_bad_cases_get_no_confident_answer(small_suite: Path, tmp_path: Path, on
         return
     assert not found.refused, "what is left of the case can be diagnosed"
     assert all(probability < 0.5 for name, probability in found.causes if name in EFFECTS), found.causes
+
+
+def test_an_atlas_that_cannot_be_used_answers_no_case(tmp_path: Path) -> None:
+    """It says nothing of the cases: none of them is refused, and nothing is frozen."""
+    (tmp_path / "cases" / "case_0001").mkdir(parents=True)
+    atlas, out = tmp_path / "atlas.npz", tmp_path / "answers.json"
+    atlas.write_bytes(SHIPPED.read_bytes()[:1000])  # a copy that was cut short
+    with pytest.raises(DiagnosisError, match=r"the atlas .*atlas\.npz cannot be used"):
+        answer_suite(tmp_path / "cases", out, atlas, QUICK)
+    assert [path.name for path in tmp_path.rglob("*.json")] == []
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Cases of all suites have the same names: cases, answers, labels and what is measured later must be of one suite."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,16 @@ class TestWhatIsMeasuredLater:
         shifts[pair] = ShownShift(20.0, "", 0.0, 10.0, dict.fromkeys(names, 20.0))
         with pytest.raises(WithheldError, match=f"other effects in {pair}"):
             with_measured_severities(answered, shifts, "twins.json")
+
+    def test_shifts_of_another_single_effect(self, tmp_path: Path):
+        """The effect that is nearest to what acts is never the one that acts."""
+        answered = revealed(tmp_path, labels_of(OWN), dict.fromkeys(seals_of(OWN), answer("none")))
+        single = next(case for case, label in answered.labels.items() if label.kind == "single")
+        (acting,) = answered.labels[single].effects
+        for nearest, refused in (("creep" if acting != "creep" else "threshold", False), (acting, True)):
+            shifts = self.shifts(OWN) | {single: ShownShift(20.0, nearest, 0.9, 10.0)}
+            with pytest.raises(WithheldError, match=f"other effects in {single}") if refused else nullcontext():
+                with_measured_severities(answered, shifts, "twins.json")
 
     def test_closures(self, tmp_path: Path):
         answered = revealed(tmp_path, labels_of(OWN), dict.fromkeys(seals_of(OWN), answer("none")))

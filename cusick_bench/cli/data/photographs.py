@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from cusick_bench.photographs.preparation.prepare import Preparation
 
 _MOST_PHOTOGRAPHS = 100_000
-_MOST_DISC = 0.2  # [m] largest diameter that fits the sheets of paper
 
 
 class Paper(StrEnum):
@@ -144,15 +143,15 @@ def board(
     as_json: Json = False,
 ) -> None:
     """Make the printable board (PDF, true scale) that calibrates a camera over the plate, with a ruler to check it."""
-    from cusick_bench.photographs.board import LEAST_DISC
+    from cusick_bench.photographs.board import LEAST_DISC, MOST_DISC
     from cusick_bench.photographs.errors import BadPhotograph
     from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
     from cusick_bench.photographs.sheet import write_sheet
 
     diameter = quantity(plate_diameter, LENGTHS, "--plate-diameter", "180 mm")
-    if not LEAST_DISC <= diameter <= _MOST_DISC:
+    if not LEAST_DISC <= diameter <= MOST_DISC:
         raise BadPhotograph(
-            f"--plate-diameter must be from {1e3 * LEAST_DISC:g} to {1e3 * _MOST_DISC:g} mm, so that the disc has "
+            f"--plate-diameter must be from {1e3 * LEAST_DISC:g} to {1e3 * MOST_DISC:g} mm, so that the disc has "
             f"enough corners of the board and fits the sheet, got {plate_diameter}",
             remedy="keep 180 mm and photograph the bare plate as well, which then gives the middle",
         )

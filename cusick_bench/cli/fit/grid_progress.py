@@ -30,10 +30,11 @@ class GridProgress:
     Attributes:
         cells: Number of cells, as far as known.
         finished: How many of them are finished.
+        failed: How many of these have failed, which are run again when the command is repeated.
     """
 
     def __init__(self, screen: Screen = console, interval: float = INTERVAL) -> None:
-        self.cells = self.finished = 0
+        self.cells = self.finished = self.failed = 0
         self._screen = screen
         self._tally = Tally("cells")
         self._work: dict[Cell, float] = {}
@@ -61,7 +62,7 @@ class GridProgress:
             cells: All of its cells.
             waiting: Those that are not finished from earlier.
         """
-        self.cells, self.finished = len(cells), len(cells) - len(waiting)
+        self.cells, self.finished, self.failed = len(cells), len(cells) - len(waiting), 0
         self._work, self._notes = _work(cells), {}
         total = sum(self._work.values())
         self._worked = total - sum(self._work[cell] for cell in waiting)
@@ -94,6 +95,7 @@ class GridProgress:
         """
         self._notes.pop(cell, None)
         self.finished += 1
+        self.failed += status == "failed"
         self._worked += self._work[cell]
         self._mark()
         if self._bars is not None:
@@ -143,8 +145,10 @@ def cells_kept(grid: GridProgress, out: Path) -> str:
         grid: How far it was.
         out: Its results folder.
     """
+    failed = f", {grid.failed} failed and will be run again" if grid.failed else ""
     return (
-        f"{grid.finished} of {grid.cells} cells are finished and kept in {out}; what the others have spent is kept, too"
+        f"{grid.finished - grid.failed} of {grid.cells} cells are finished and kept in {out}{failed}; what the others "
+        "have spent is kept, too"
     )
 
 

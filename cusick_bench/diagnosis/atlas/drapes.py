@@ -31,13 +31,13 @@ from cusick_bench.diagnosis.atlas.design import (
     Design,
     at_fine,
 )
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
 from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, is_made, point_file, read_design, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import Effect, Parameter, registered
+from cusick_bench.sim.effects.acting import acts_later
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
 CHEAP_SETTINGS = replace(SETTINGS, law="paper")

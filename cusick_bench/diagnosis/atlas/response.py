@@ -21,13 +21,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.drapes import LEAST
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import effect_terms, gain_terms, spread_terms
 from cusick_bench.diagnosis.atlas.ridge import Fit, ridge
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES, REAL, rotated
 from cusick_bench.sim.effects import Effect
+from cusick_bench.sim.effects.acting import acts_later, in_lab
 
 LEAST_SAMPLES = 2
 """Samples that a simulated fabric needs for its response to count."""

@@ -5,6 +5,7 @@ save(path, fit(*read_points(folder)), Calibration())
 """
 
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -159,7 +160,8 @@ def load_uncalibrated(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
         path: The file; by default the shipped one.
 
     Returns:
-        The atlas with all of its discrepancy, and its last calibration.
+        The atlas with all of its discrepancy, and its last calibration. Warns of effects that nobody registers here, as
+        no diagnosis can find them.
 
     Raises:
         DiagnosisError: No file, damaged, or of other statistics than this version's.
@@ -203,11 +205,18 @@ def load_uncalibrated(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
         _check_shapes(path, arrays)
         base, base_spread, log_sd = (summed(name) for name in _SUMS)
         emulator = Emulator(base, base_spread, log_sd, arrays["correlation"], arrays["discrepancy"], responses)
-        return emulator, calibration
     except BadFile as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error.what}); {remedy}") from error
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error}); {remedy}") from error
+    if unknown := [name for name in responses if name not in registered()]:
+        warnings.warn(
+            f"the atlas {path} has effects that are not registered here, and no diagnosis will find them: "
+            f"{', '.join(unknown)}; install the package that registers them",
+            RuntimeWarning,
+            stacklevel=1,
+        )
+    return emulator, calibration
 
 
 def _check_shapes(path: Path, arrays: dict[str, ndarray]) -> None:

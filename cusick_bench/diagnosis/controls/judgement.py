@@ -56,7 +56,8 @@ class Judgement:
         estimated: Change of its estimate along what was planted; NaN where there is no estimate.
         estimate_right: `yes` if the estimate changes by what was planted, with a tolerance of half of it, whether the
             effect is named or not; "" where there is no estimate.
-        largest_shift: Largest change of a statistic's mean [standard errors]; NaN where nothing was planted.
+        largest_shift: Largest change of a statistic's mean from the pictures without what was planted, if there are any
+            [standard errors]; NaN where nothing was planted.
         p: p-value of the base model with what was planted; NaN where refused.
         note: Why the fabric was refused.
     """

@@ -122,7 +122,7 @@ def _judged(control: Control, references: dict[str, _Diagnosed], own: _Diagnosed
     after = own or references[control.reference]
     before = references.get(control.reference, after)
     shift = nan
-    if own is not None and before.statistics is not None and own.statistics is not None:
+    if control.reference and own is not None and before.statistics is not None and own.statistics is not None:
         shift = largest_shift(before.statistics, own.statistics)
     return judge(control, before.reading, after.reading, shift)
 

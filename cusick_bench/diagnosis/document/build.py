@@ -1,12 +1,11 @@
 """Makes the document of a diagnosis, and the answer to a withheld case."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isfinite
 
 import numpy as np
 
 from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document import answer as stated
@@ -23,10 +22,12 @@ from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.samples import Simulated
 from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.effects.acting import acts_later, in_lab
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
 _LEAST = 0.005  # probability from which a cause, or a set, is listed
 _LEAST_ACTING = 0.02  # probability that it acts, likewise
+_LENGTHS = {"m": 1, "1/m": -1}  # exponents of the cloth's scale, by the unit of a parameter
 _MOST_OF_BASELINE = 5  # largest number of causes in a simpler method's answer
 
 
@@ -81,7 +82,11 @@ def document(
             for alike in (*EQUIVALENTS, ABSORBED)
             if alike.effects.intersection(diagnosis.set90)
         ),
-        notes=(*diagnosis.notes, *_turning_with_cloth(diagnosis)),
+        notes=(
+            *diagnosis.notes,
+            *_turning_with_cloth(diagnosis),
+            *_beyond_bounds(diagnosis, captures.protocol.cloth_scale),
+        ),
         without=diagnosis.without,
         provenance=model.Provenance(version=version, command=command, atlas=f"{len(emulator.responses)} effects"),
     )
@@ -224,15 +229,36 @@ def with_effect(one: Candidate, scale: float) -> str:
     Returns:
         Such as "camera-offset:shift=0.0027,direction=120", in the laboratory's lengths and within the effect's bounds.
     """
+    value = _in_lengths_of_cloth(one, scale)
+    for p in one.hypothesis.effect.parameters:
+        if p.unit in _LENGTHS:
+            value[p.name] = float(np.clip(value[p.name], p.low, p.high))
+    listed = ",".join(f"{name}={number:.6g}" for name, number in value.items())
+    return f"{one.hypothesis.name}:{listed}"
+
+
+def _in_lengths_of_cloth(one: Candidate, scale: float) -> dict[str, float]:
+    """Parameters of a cause in the laboratory's lengths, for captures in their order."""
     effect, value = one.hypothesis.effect, dict(one.value)
     if acts_later(effect):
         value[effect.severity.name] = abs(value[effect.severity.name])
     for p in effect.parameters:
-        if p.unit in ("m", "1/m"):
-            scaled = value[p.name] * (scale if p.unit == "m" else 1 / scale)
-            value[p.name] = float(np.clip(scaled, p.low, p.high))
-    listed = ",".join(f"{name}={number:.6g}" for name, number in value.items())
-    return f"{one.hypothesis.name}:{listed}"
+        value[p.name] *= scale ** _LENGTHS.get(p.unit, 0)
+    return value
+
+
+def _beyond_bounds(diagnosis: Diagnosis, scale: float) -> Iterator[str]:
+    """A note for each parameter that `with_effect` gives otherwise than it was found."""
+    for one in diagnosis.causes:
+        value = _in_lengths_of_cloth(one, scale)
+        for p in one.hypothesis.effect.parameters:
+            if p.unit in _LENGTHS and not p.low <= value[p.name] <= p.high:
+                end = p.low if value[p.name] < p.low else p.high
+                yield (
+                    f"{one.hypothesis.name}: {p.name} is {value[p.name]:.3g}{p.unit_text} on this cloth, but "
+                    f"--with-effect takes {p.low:g} to {p.high:g} only and is given {end:g}, so what it simulates "
+                    "differs"
+                )
 
 
 def _base(diagnosis: Diagnosis) -> model.BaseParameters:

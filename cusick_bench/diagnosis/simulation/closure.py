@@ -27,7 +27,6 @@ from numpy import ndarray
 from scipy.optimize import minimize
 
 from cusick_bench.diagnosis.atlas.base_model import BaseModel
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS
 from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
@@ -39,6 +38,7 @@ from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.gap import Fold, Gap, faces_of, fit_of, gap
 from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
+from cusick_bench.sim.effects.acting import acts_later
 from cusick_bench.sim.setup import Simulators
 
 CORRECTIONS = 1

@@ -8,11 +8,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import BaseModel
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.observation import ANGLES, observe, silhouette, statistics_of
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Frame
 from cusick_bench.sim.effects import Effect
+from cusick_bench.sim.effects.acting import acts_later, in_lab
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
 

@@ -44,7 +44,7 @@ from cusick_bench.runner.store import (
     read_json,
     write_json,
 )
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.errors import failure_text, raise_stop
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.registry import make_solver
 
@@ -112,17 +112,20 @@ def verify_cell(
         simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
-        What became of the cell; never an error.
+        What became of the cell; whatever is wrong with it, or with its solver, is told there.
     """
     record: dict[str, Any] = {}
     try:
         record = read_record(folder)
         return _verified(folder, record, dataset, redrawn, seed, simulators)
-    except (CusickError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+    except MemoryError:
+        raise
+    except (Exception, SystemExit) as error:  # a solver or an effect of another package may raise anything
+        raise_stop(error)
         seed_recorded = record.get("seed")
         identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")))
         identity += (seed_recorded if isinstance(seed_recorded, int) else -1,)
-        return Verification(folder.name, *identity, "unreadable", (), (f"{type(error).__name__}: {error}",))
+        return Verification(folder.name, *identity, "unreadable", (), (failure_text(error),))
 
 
 def unreadable(cell: Skipped) -> Verification:

@@ -1,14 +1,18 @@
 """Calibration of the camera over the plate, from the pictures of board and plate that there are."""
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
 
+from cusick_bench.photographs.board import LEAST_DISC, MOST_DISC
 from cusick_bench.photographs.calibration.boards import find_board, view_from_boards
 from cusick_bench.photographs.calibration.plate import centred_on_plate, view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph
+
+_log = logging.getLogger(__name__)
 
 Named = tuple[str, Photograph]
 """A picture with its file's name."""
@@ -62,6 +66,12 @@ def calibrated(
     )
     if plate is not None:
         view = centred_on_plate(view, plate[1], plate[0], plate_radius)
+    elif not LEAST_DISC <= 2 * plate_radius <= MOST_DISC:
+        _log.warning(
+            "%s: no disc of the board fits a plate of %g mm, so its middle is known only as well as you laid the board "
+            "there; add plate.jpg, the bare plate, which gives the middle",
+            name, 2e3 * plate_radius,
+        )  # fmt: skip
     column, row = view.project(np.zeros((1, 3)))[0]
     if not (0 <= column < view.size[0] and 0 <= row < view.size[1]):
         raise BadPhotograph(

@@ -64,8 +64,8 @@ def find_pictures(folder: Path) -> Pictures:
         What each picture shows.
 
     Raises:
-        BadPhotograph: No folder, no pictures of drapes, a format that is not read, a name that says nothing or the
-            same as another, or nothing to calibrate with.
+        BadPhotograph: No folder, one that cannot be read or is a link, no pictures of drapes, a format that is not
+            read, a name that says nothing or the same as another, or nothing to calibrate with.
     """
     if not folder.is_dir():
         raise BadPhotograph("is no folder", where=folder, remedy="give the folder of the photographs", kind="no-folder")
@@ -129,8 +129,9 @@ def _require_ruler(folder: Path, others: Mapping[str, Sequence[Path]]) -> None:
 
 def _files(folder: Path) -> list[Path]:
     found: list[Path] = []
-    for place, folders, files in os.walk(folder):
+    for place, folders, files in os.walk(folder, onerror=_refuse_unreadable):
         folders[:] = sorted(name for name in folders if not is_hidden(name))
+        _require_no_links(Path(place), folders)
         shown = sorted(name for name in files if not name.startswith("."))  # macOS puts ._NAME beside NAME
         read = [name for name in shown if Path(name).suffix.lower() in SUFFIXES]
         _require_read(Path(place), shown, read)
@@ -140,6 +141,28 @@ def _files(folder: Path) -> list[Path]:
                 f"holds more than {_MOST_FILES} pictures", where=folder, remedy="give a smaller folder", kind="too-many"
             )
     return found
+
+
+def _refuse_unreadable(error: OSError) -> None:
+    """Refuses a folder that cannot be read, instead of leaving its pictures out."""
+    raise BadPhotograph(
+        f"folder cannot be read ({error.strerror})",
+        where=error.filename,
+        remedy="change its mode, or remove it",
+        kind="no-permission",
+    ) from error
+
+
+def _require_no_links(place: Path, folders: Sequence[str]) -> None:
+    """Refuses a link to a folder, whose pictures would be left out."""
+    for name in folders:
+        if (place / name).is_symlink():
+            raise BadPhotograph(
+                "is a link to a folder, which is not followed",
+                where=place / name,
+                remedy="copy the folder to this place, or remove the link",
+                kind="outside-link",
+            )
 
 
 def _require_read(place: Path, shown: list[str], read: list[str]) -> None:

@@ -38,7 +38,7 @@ class Evidence:
         weak_fine: Share of it without a sharp edge at the photograph's own resolution.
         unsettled_mm: How far most of it moved when it was moved to the edges beside it a second time [mm].
         expected_mm: Error across it that the network which read it expects [mm].
-        beyond_plate: How far it lies outside the plate, in plate radii.
+        beyond_plate: How far most of it lies outside the plate, in overhangs.
         reread_mm: How far the network moved all of it in or out, from where the light is halfway [mm].
         off_circle_mm: Its root-mean-square deviation from a circle [mm].
         burnt: Share of it where the cloth beside it is overexposed.
@@ -121,7 +121,7 @@ _DOUBTS = (
     _Doubt("reread_mm", 0.6, 1e-3, "light and network differ by {:.1f} mm all along it: too coarse, or not sharp"),
     _Doubt("burnt", 0.3, 1e-3, "the cloth is overexposed along {:.0%} of it, and looks larger than it is"),
     _Doubt("off_circle_mm", 0.25, -1e-3, "it is a circle within {:.2f} mm: a paper ring, or a part of the meter?"),
-    _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
+    _Doubt("beyond_plate", 0.09, -0.015, "it lies {:.0%} of the overhang outside the plate: is there a cloth?"),
 )
 
 

@@ -188,6 +188,6 @@ def _evidence(picture: PolarPicture, ratio: ndarray, edges: ndarray, radii: ndar
         roughness_mm=float(1e3 * np.std(radii - smooth)) / _steepness(picture),
         at_limit=float(((path <= span.start + 1) | (path >= span.stop - 2)).mean()),
         unseen=float(1 - picture.seen[row, beside(8)[:, 0]].mean()),
-        beyond_plate=float(np.median(radii) / picture.plate - 1),
+        beyond_plate=float((np.median(radii) - picture.plate) / (picture.cloth - picture.plate)),
         disagreement_mm=float(1e3 * STEP * max(np.percentile(np.abs(path - other), 95) for other in alone)),
     )

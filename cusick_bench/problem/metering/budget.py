@@ -143,8 +143,10 @@ class Meter:
         if self.budget.seconds is not None:
             shares.append(self.wall_seconds / self.budget.seconds)
         searched = 1.0 if drawn else min(max(shares), 1.0) if shares else math.nan
-        if not self.draws or (most is None and not drawn):
+        if not self.draws or math.isnan(searched):
             return searched
+        if self.budget.seconds is not None:  # as many drapes as there is time for, at the speed so far
+            most = self.forward_equivalents / searched if searched else None
         return min(((most or 0.0) * searched + drawn) / ((most or 0.0) + self.draws), 1.0)
 
     @property

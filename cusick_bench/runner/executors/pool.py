@@ -46,12 +46,12 @@ class _Worker:
 
     def run(self, source: Source, cell: Cell, out: Path) -> dict[str, Any]:
         """Runs one cell."""
-        last = 0.0
+        last, said = 0.0, ""
 
         def report(fraction: float, loss: float, message: str) -> None:
-            nonlocal last
-            if self.messages is not None and time.monotonic() - last > POLL_SECONDS:
-                last = time.monotonic()
+            nonlocal last, said
+            if self.messages is not None and (message != said or time.monotonic() - last > POLL_SECONDS):
+                last, said = time.monotonic(), message
                 self.messages.put((cell, fraction, loss, message))
 
         with self.one:

@@ -101,6 +101,7 @@ def answer_suite(
 
     Raises:
         WithheldError: No cases.
+        DiagnosisError: An atlas that cannot be used.
     """
     asked = dict.fromkeys(case_folders(cases), options)
     return answer_each(asked, out, atlas, workers=workers, step=step)
@@ -130,6 +131,7 @@ def answer_each(
 
     Raises:
         WithheldError: Seals beside the cases that cannot be read, or a case with other files than the sealed ones.
+        DiagnosisError: An atlas that cannot be used.
     """
     seals, files = _seals_of(asked), _files_of(asked)
     parts = {
@@ -167,9 +169,12 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
 
     Returns:
         The answer.
+
+    Raises:
+        DiagnosisError: An atlas that cannot be used, which says nothing of the case.
     """
+    emulator, calibration = load_atlas(atlas)
     try:
-        emulator, calibration = load_atlas(atlas)
         diagnosis = diagnose(case_captures(folder), emulator, calibration, options, simulators=simulators)
         found = answer(diagnosis).content()
     except CusickError as error:

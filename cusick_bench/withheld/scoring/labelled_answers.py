@@ -94,7 +94,9 @@ def with_measured_severities(
     """
     for case, label in answered.labels.items():
         shown = shifts.get(case)
-        if shown is not None and (label.kind == NULL or set(shown.each) - set(label.effects)):
+        if shown is None:
+            continue
+        if label.kind == NULL or shown.nearest in label.effects or set(shown.each) - set(label.effects):
             raise _of_another_suite(where, case, label)
     labels = dict(answered.labels)
     for case, label in labels.items():

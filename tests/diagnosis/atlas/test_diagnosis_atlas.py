@@ -70,6 +70,15 @@ def test_atlas_is_kept_to_single_precision(emulator: Emulator, tmp_path: Path) -
     assert again.responses.keys() == emulator.responses.keys()
 
 
+def test_effects_of_a_package_that_is_not_here_are_named(emulator: Emulator, tmp_path: Path) -> None:
+    foreign = replace(emulator.responses["plate-radius"], effect="weak-gravity")
+    own = replace(emulator, responses={**emulator.responses, "weak-gravity": foreign})
+    save(tmp_path / "atlas.npz", own, Calibration())
+    with pytest.warns(RuntimeWarning, match="no diagnosis will find them: weak-gravity; install the package"):
+        again, _ = load(tmp_path / "atlas.npz")
+    assert "weak-gravity" in again.responses  # of the package, once it is here
+
+
 @pytest.mark.parametrize("damage", ["empty", "other", "absent"])
 def test_damaged_atlas_is_refused(tmp_path: Path, damage: str) -> None:
     path = tmp_path / "atlas.npz"

@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_up_controls import CLOTH, some_judgements
 from other_laboratory import write_laboratory, write_protocol
@@ -142,6 +143,16 @@ class TestRun:
         assert found["shift"].estimate_right == "yes"
         assert found["halves"].verdict_before == REFUSED
         assert found["halves"].hit == "yes"
+
+    def test_pictures_that_nothing_was_planted_in_are_compared_with_none(self, under_control, diagnosed):
+        """A series over time has no pictures without its drift: no change is known, which is not a change of 0."""
+        table = under_control.data.table
+        series = table[(table["side"] == "up") & (table["capture"] == table["capture"].min())]
+        table = pd.concat([series.assign(observation=number) for number in (1, 2, 3)], ignore_index=True)
+        over_time = replace(under_control, data=replace(under_control.data, table=table))
+        made = controlled(over_time, None, None, names=["observations"])  # pyright: ignore[reportArgumentType]
+        assert [one.control for one in made] == ["observations"] * 2
+        assert all(np.isnan(one.largest_shift) for one in made)
 
     def test_what_is_planted_shows_also_where_the_diagnosis_is_refused(self, under_control, diagnosed, monkeypatch):
         def refuse(captures, emulator, calibration, options):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from atlas_fabrics import THETA, drawn_fabric, fabric_of, residual_of
 
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.detectability.power import detectable_at
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value
@@ -21,6 +20,7 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.inference.single_effects.localise import place
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.effects.acting import acts_later
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import scaled_place
 from cusick_bench.diagnosis.inference.residuals.feature_rows import MAY_BE_WRONG, in_rows
@@ -25,6 +24,7 @@ from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
 from cusick_bench.diagnosis.measure.own_outlines import UNDONE, OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
 from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.effects.acting import acts_later, in_lab
 
 Frame = Literal["", "cloth", "lab"]
 GRAIN = "grain-skew"

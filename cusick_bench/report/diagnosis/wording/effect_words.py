@@ -2,8 +2,8 @@
 
 from functools import cache
 
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.effects.acting import acts_later, in_lab
 
 _CLAIMS = {
     "none": "nothing is missing in the base model",

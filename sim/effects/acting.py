@@ -2,10 +2,9 @@
 
 from functools import lru_cache
 
-from cusick_bench.diagnosis.atlas.base_model import DENSITY
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.effects import Effect
+from cusick_bench.sim.effects.base import Effect
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup
 
@@ -20,7 +19,7 @@ def acts_later(effect: Effect) -> bool:
     Returns:
         True if it leaves the first capture as it is.
     """
-    first = Setup(disc_mesh(60), DrapeSettings(), uniform_material(density=DENSITY, bending=1e-5))
+    first = Setup(disc_mesh(60), DrapeSettings(), uniform_material(density=0.15, bending=1e-5))
     return effect.apply(first, {}) is first
 
 
