@@ -174,6 +174,8 @@ def assign_meshes(
 def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str]:
     """Fabrics whose meshes mostly belong to captures of the other face: there capture numbers tell no face.
 
+    A mesh that fits a capture of unknown face best says nothing of faces.
+
     Args:
         layout: Files of the folder.
         protocol: Nominal values of the experiment.
@@ -187,7 +189,8 @@ def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str
     for match in pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol):
         if match.best and (match.fits_own or match.belongs_elsewhere):
             sides = [protocol.captures.get(entry.capture, "") for entry in (match.mesh, match.best)]
-            votes[match.mesh.cloth].append(sides[0] != sides[1])
+            if all(sides):
+                votes[match.mesh.cloth].append(sides[0] != sides[1])
     return {cloth for cloth, contradictions in votes.items() if 2 * sum(contradictions) > len(contradictions)}
 
 

@@ -39,6 +39,9 @@ class Profile:
 
     radii: Float[ndarray, " angles"]
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Profile) and np.array_equal(self.radii, other.radii)
+
     @cached_property
     def angles(self) -> Float[ndarray, " angles"]:
         """Angles [rad], counter-clockwise from +x (warp)."""
@@ -152,6 +155,7 @@ def profile_from_mesh(
     Returns:
         The profile.
     """
+    faces = faces.astype(np.int64)  # squares of numbers of vertices are more than 32 bits hold
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     keys = np.unique(edges[:, 0] * len(vertices) + edges[:, 1])
     start, end = vertices[keys // len(vertices), :2], vertices[keys % len(vertices), :2]

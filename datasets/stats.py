@@ -123,7 +123,7 @@ class ClothStatistics:
         unusable: Images left out: unreadable, or with a wrong scale.
         drape_coefficient, drape_coefficient_sd: Mean and spread over units.
         folds, folds_sd: Mean number of folds, and its standard deviation.
-        spectrum: Mean amplitudes [m] of harmonics 0 to `SPECTRUM_MODES`.
+        spectrum: Mean amplitudes [m] of harmonics 0 to `SPECTRUM_MODES` over units.
         mse_repeat, mse_flip, mse_other_sample, mse_other_fabric: Mean image differences; NaN without such pairs.
         down_minus_up: Difference of the drape coefficient between the faces, paired by sample.
         drift: Observation of a series -> change of the drape coefficient since the first of the same capture, paired by
@@ -168,7 +168,7 @@ class _Cloth:
     observation: ndarray
     coefficient: Float[ndarray, " images"]
     folds: Float[ndarray, " images"]
-    spectrum: Float[ndarray, " modes"]
+    spectrum: Float[ndarray, "images modes"]
     unusable: int
 
     def unit_means(self, values: Float[ndarray, " images"]) -> dict[tuple[int, str], float]:
@@ -239,7 +239,7 @@ def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
         np.asarray(table["observation"]),
         np.array(coefficients),
         np.array([float(fold_count_of(profile, protocol)) for profile in profiles]),
-        np.mean(spectra, axis=0) if spectra else np.full(SPECTRUM_MODES + 1, nan),
+        np.array(spectra).reshape(-1, SPECTRUM_MODES + 1),
         len(own) - len(images),
     )
 
@@ -269,7 +269,7 @@ def _describe(dataset: DrapeDataset, cloth: str, read: _Cloth, other_fabric: flo
         drape_coefficient_sd=_spread(coefficients.values()),
         folds=_centre(folds.values()),
         folds_sd=_spread(folds.values()),
-        spectrum=tuple(read.spectrum.tolist()),
+        spectrum=tuple(_centre(read.unit_means(amplitudes).values()) for amplitudes in read.spectrum.T),
         mse_repeat=scale * _mse_of_pairs(dataset, dataset.repeat_pairs(cloth)),
         mse_flip=scale * _mean(mse, same_sample & ~same_side & known),
         mse_other_sample=scale * _mean(mse, ~same_sample & same_side),

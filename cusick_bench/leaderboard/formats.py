@@ -1,7 +1,8 @@
 """The forms of a leaderboard: terminal, Markdown, LaTeX, HTML fragment, and CSV with every number in full."""
 
 import html
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -20,7 +21,10 @@ _STYLES = {"null": "yellow", "oracle": "magenta", "floor": "cyan", "solver": "bo
 _LATEX = str.maketrans(
     {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}"}
     | {"^": r"\textasciicircum{}", "\\": r"\textbackslash{}", "✗": r"$\times$", "±": r"$\pm$"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"}  # other characters in TeX's own fonts
 )
+_EMPHASIS = re.compile(r"[\\*~]|(?<![^\W_])_(?=.*_(?![^\W_]))|(?<=\])(?=\()", re.DOTALL)
+"""What Markdown takes for emphasis or a link: not the underscores within `test_mse`."""
 
 
 def terminal(board: Leaderboard | TextTable, width: int = 120) -> Table:
@@ -78,7 +82,7 @@ def latex(board: Leaderboard | TextTable) -> str:
     lines = [f"% {' '.join(note.split())}" for note in (text.title, *text.notes)]  # a line break would end a comment
     lines.append(r"\begin{tabular}{" + "".join("l" if column.left else "r" for column in text.columns) + "}")
     lines += [r"\toprule", " & ".join(heads) + r" \\", r"\midrule"]
-    lines += [" & ".join(entry.translate(_LATEX) for entry in entries) + r" \\" for entries in text.entries]
+    lines += [_latex_row(entries) for entries in text.entries]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
@@ -169,7 +173,13 @@ def _line(entries: list[str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    return html.escape(text, quote=False).replace("|", r"\|").replace("\n", " ")
+    plain = _EMPHASIS.sub(r"\\\g<0>", html.escape(text, quote=False))
+    return plain.replace("|", r"\|").replace("\n", " ")
+
+
+def _latex_row(entries: Sequence[str]) -> str:
+    row = " & ".join(entry.translate(_LATEX) for entry in entries) + r" \\"
+    return "{}" + row if row.startswith(("[", "*")) else row  # or it would be an option of the row above
 
 
 def _heads(text: TextTable) -> str:

@@ -12,6 +12,7 @@ from cusick_bench.leaderboard.errors import LeaderboardError
 
 _NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval, and its nominal value [%]
 _LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of the hypothesis that draws and samples are alike
+_SPENT = "spent_"  # drapes, seconds
 _DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_|^draws$")
 
 
@@ -69,6 +70,18 @@ def smaller_is_better(metric: str) -> bool:
         False of one that is better where it is larger or hits a value, and of one that is neither better nor worse.
     """
     return not _DESCRIPTIVE.search(metric) and direction(metric) == Direction()
+
+
+def is_cost(metric: str) -> bool:
+    """Whether a metric is what was spent, and no error.
+
+    Args:
+        metric: Name of the metric.
+
+    Returns:
+        True of drapes and seconds.
+    """
+    return metric.startswith(_SPENT)
 
 
 def direction(metric: str) -> Direction:

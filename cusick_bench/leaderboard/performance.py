@@ -93,11 +93,14 @@ def error_profiles(
         skipped: The folder's other cells, from there too; those that failed count against their solver.
 
     Returns:
-        A profile for each method that fits; none where fewer than two methods do.
+        A profile for each method that fits; none where fewer than two methods do, or where a value is below 0, of
+        which nothing is a multiple.
     """
-    return _of_several(
-        {method.label: method.needs(cell_values(method.cells, metric)) for method in _methods(table, skipped)}
-    )
+    methods = _methods(table, skipped)
+    values = {method.label: cell_values(method.cells, metric) for method in methods}
+    if any(value < 0 for of_method in values.values() for value in of_method.values()):
+        return []
+    return _of_several({method.label: method.needs(values[method.label]) for method in methods})
 
 
 def cost_profiles(

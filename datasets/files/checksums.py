@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from cusick_bench.datasets.errors import BadTable, DataError
 from cusick_bench.datasets.files.layout import Layout
@@ -48,11 +48,20 @@ def changed_files(layout: Layout) -> Iterator[tuple[str, str]]:
         well_formed = isinstance(digest, str) and re.fullmatch(r"[0-9a-f]{64}", digest)
         if not well_formed or inside.is_absolute() or ".." in inside.parts or "\\" in name:
             raise BadTable(f"bad entry {name[:80]!r}", where=path, remedy="reinstall the data set", kind="checksum")
-        file = layout.root / inside
-        if not file.is_file():
-            yield name, "is missing"
-        elif content_hash(file) != digest:
-            yield name, "differs from its SHA-256"
+        if what := _fault(layout.root / inside, digest):
+            yield name, what
     for entry in (*layout.silhouettes, *layout.meshes):
         if entry.path not in listed:
             yield entry.path, _ADDED
+
+
+def _fault(file: Path, digest: str) -> str:
+    """What is wrong with a file; empty if nothing is."""
+    try:
+        if not file.is_file():
+            return "is missing"
+        return "" if content_hash(file) == digest else "differs from its SHA-256"
+    except DataError as error:
+        return error.what
+    except OSError as error:  # of a name that is too long, or a folder that may not be looked into
+        return f"cannot be read ({error.strerror or error})"

@@ -369,6 +369,23 @@ def test_files_that_the_checksums_do_not_list_are_named(lab):
     assert sorted(found(lab, "checksum")) == sorted(path.relative_to(lab).as_posix() for path in added)
 
 
+def test_a_file_that_cannot_be_compared_hides_no_other_one(lab):
+    """Its fault was told of sha256.json, and no changed or missing file was; a long name ended in an OSError."""
+    write_checksums(lab)
+    listed = json.loads((lab / "sha256.json").read_text())
+    (lab / "sha256.json").write_text(json.dumps({"a" * 300: "0" * 64} | listed))
+    with image(lab, 1, 1).open("wb") as file:
+        file.truncate((64 << 20) + 1)  # more than is read
+    image(lab, 1, 2).unlink()
+    shutil.copy(image(lab, 2, 2), image(lab, 2, 1))
+    told = {item.path: item.detail for item in audit(lab).irregularities if item.kind == "checksum"}
+    large, gone, changed = (image(lab, *numbers).relative_to(lab).as_posix() for numbers in ((1, 1), (1, 2), (2, 1)))
+    assert set(told) == {"a" * 300, large, gone, changed}
+    assert told["a" * 300].startswith("cannot be read (")
+    assert "far more than any silhouette" in told[large]
+    assert (told[gone], told[changed]) == ("is missing", "differs from its SHA-256")
+
+
 def test_every_kind_is_documented_and_tested():
     elsewhere = {
         "space-in-path", "folder-inconsistent", "file-inconsistent", "outside-link", "no-permission", "side-unknown",

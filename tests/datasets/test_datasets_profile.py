@@ -111,6 +111,25 @@ def test_mesh_outline_equals_its_silhouette_and_turns_with_the_mesh():
     assert turned.rms(outline.rotated(270)) > 1e-3
 
 
+def test_faces_of_a_large_mesh_may_be_of_32_bits():
+    """Edges were numbered in the faces' own type, which overflowed: radii of 0 from 46341 vertices on."""
+    vertices, faces = surface(wavy_profile(7))
+    vertices, faces = np.vstack([np.zeros((50_000, 3)), vertices]), faces + 50_000
+    expected = profile_from_mesh(vertices, faces)
+    assert profile_from_mesh(vertices, faces.astype(np.int32)) == expected
+    assert expected.radii.min() > 0.1
+
+
+def test_profiles_are_equal_where_their_radii_are():
+    """`==` and `in` ended in NumPy's "truth value of an array is ambiguous"."""
+    one, other = wavy_profile(7), wavy_profile(8)
+    assert one == Profile(one.radii.copy())
+    assert one != other
+    assert one in [other, Profile(one.radii.copy())]
+    assert one != Profile(one.radii[::2])
+    assert one != "a profile"
+
+
 def test_drape_coefficient_of_discs():
     for radius, expected in ((0.15, 1.0), (0.09, 0.0), (0.12, (0.12**2 - 0.09**2) / (0.15**2 - 0.09**2))):
         assert drape_coefficient(draw(disc(radius))) == pytest.approx(expected, abs=1e-3)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli.data.data import app
 from cusick_bench.datasets import DataError, load
-from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
+from cusick_bench.datasets.profile import Profile, amplitude_spectrum, drape_coefficient, fold_count
 from cusick_bench.datasets.stats import Difference, Trend, statistics
 
 
@@ -77,6 +77,17 @@ def test_means_are_over_sample_and_face(toy):
     assert found.folds == pytest.approx(np.mean(folds), abs=1e-12)
     assert len(found.spectrum) == 17
     assert int(np.argmax(found.spectrum[5:])) + 5 == 13  # the toy fabric's fold number
+
+
+def test_the_spectrum_is_a_mean_over_sample_and_face(toy):
+    """Captures counted one by one, so that a face with two weighed twice as much as one with a single one."""
+    for sample, capture in ((1, 2), (2, 4)):
+        (toy / f"data/Fabric 7/silhouettes/Fabric_7_Sample_{sample}_Capture_{capture}.png").unlink()
+    dataset = load(toy).select(cloth="fabric_7")
+    spectra = [amplitude_spectrum(dataset.sample(row).profile, modes=16) for row in range(len(dataset))]
+    rows = [(0,), (1, 2), (3, 4), (5,), (6, 7), (8, 9)]
+    units = [np.mean([spectra[row] for row in unit], axis=0) for unit in rows]
+    assert statistics(dataset)[0].spectrum == pytest.approx(np.mean(units, axis=0), abs=1e-12)
 
 
 def test_images_of_unknown_face_are_no_flips(toy):

@@ -1,11 +1,16 @@
 """The writer of the shipped set: it repeats its own work and overwrites nobody else's."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from toy_cloths import surface, wavy_profile, write_toy
+from typer.testing import CliRunner
 
+from cusick_bench.cli.data.data import app
 from cusick_bench.datasets import DataError
+from cusick_bench.datasets.errors import DataNotFound
+from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.synthetic_set import recipe
 from cusick_bench.datasets.synthetic_set.files import write_synthetic
 
@@ -57,3 +62,30 @@ def test_an_interrupted_run_is_repeated(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write_synthetic(tmp_path, step=interrupt)
     assert "data/Fabric 1/silhouettes/Fabric_1_Sample_1_Capture_1.png" in write_synthetic(tmp_path)
+
+
+def test_what_is_written_over_the_shipped_set_is_compared_with_what_was_there(tmp_path, monkeypatch):
+    """It was compared with itself, and every file was said to equal the shipped one."""
+    write_synthetic(tmp_path)
+    monkeypatch.setitem(REGISTRY, "synthetic", replace(REGISTRY["synthetic"], folder=lambda: tmp_path))
+    vertices, faces = surface(wavy_profile(9))
+    monkeypatch.setattr(
+        recipe, "drapes", lambda cloth, *, samples: iter([recipe.TrueDrape(cloth, 1, 1, "up", vertices, faces)])
+    )
+    result = CliRunner().invoke(app, ["synthetic", "--out", str(tmp_path)])
+    assert result.exit_code == 1
+    assert "3 of 5 equal the shipped ones" in " ".join(result.stdout.split())
+    again = CliRunner().invoke(app, ["synthetic", "--out", str(tmp_path)])
+    assert again.exit_code == 0
+
+
+def test_the_set_can_be_made_again_where_the_shipped_one_is_missing(tmp_path, monkeypatch):
+    """Every command of `data` ended in a traceback, this one too."""
+
+    def missing() -> Path:
+        raise DataNotFound("the shipped set is missing")
+
+    monkeypatch.setitem(REGISTRY, "synthetic", replace(REGISTRY["synthetic"], folder=missing))
+    result = CliRunner().invoke(app, ["synthetic", "--out", str(tmp_path / "set")])
+    assert result.exit_code == 0
+    assert "no shipped ones to compare them with" in " ".join(result.stdout.split())

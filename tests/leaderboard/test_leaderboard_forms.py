@@ -4,6 +4,7 @@ import json
 
 import pytest
 from made_up_cells import only, shown_by_command, write_cell, write_solver
+from rich.markdown import Markdown
 
 from cusick_bench.leaderboard import (
     csv,
@@ -12,6 +13,7 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
+from cusick_bench.leaderboard.text import Column, TextTable
 
 
 def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
@@ -45,6 +47,34 @@ def test_forms_escape_what_a_name_may_hold(tmp_path):
     assert "<b>" not in html_table(board) + markdown(board)
     assert r"\|_" in markdown(board)
     assert r"\&" in latex(board)
+
+
+def test_markdown_shows_every_letter_of_a_name(tmp_path):
+    """Stars and outer underscores became emphasis: `lacks *silk*` lost its stars."""
+    (tmp_path / "run.json").write_text(json.dumps({"command": ["run", "--cloth", "*silk*"]}))
+    write_cell(tmp_path, "fit_one,file=[a](b)", "*silk*")
+    write_cell(tmp_path, "__fit__", "_b\\_")
+    text = markdown(only(tmp_path))
+    parts = [part for block in Markdown(text).parsed for part in block.children or ()]
+    assert not {"em_open", "link_open", "s_open"} & {part.type for part in parts}
+    shown = " ".join(part.content for part in parts)
+    for words in ("lacks *silk*.", "lacks _b\\_.", "'*silk*'", "fit_one,file=[a](b)", "__fit__"):
+        assert words in shown, words
+    assert "fit_one," in text, "underscores within a word stay as they are"
+    assert "ranked by test_mse" in text
+
+
+def test_tex_shows_every_letter_of_a_name():
+    """`<`, `>` and `|` are other characters in TeX's fonts, and `[` and `*` at the beginning of a row an option."""
+    column = Column("cloth", "", "", lambda row: "", left=True)
+    names = ("<a>|b", "[red]", "*silk", "blue [.1]")
+    rows = latex(TextTable("names", (column,), ("",) * 4, tuple((name,) for name in names), ())).splitlines()
+    assert rows[5:9] == [
+        r"\textless{}a\textgreater{}\textbar{}b \\",
+        r"{}[red] \\",
+        r"{}*silk \\",
+        r"blue [.1] \\",
+    ]
 
 
 def test_no_name_runs_in_a_spreadsheet_or_in_tex(tmp_path):

@@ -155,6 +155,11 @@ class TestAnytime:
         assert lines["fast"][0] == pytest.approx((1, 0.4))
         save_anytime(tmp_path / "anytime.png", "lab$a_$: a $ in a name is a letter", {"wall_seconds": found})
 
+    def test_a_name_with_dollars_is_no_formula_in_the_legend(self, tmp_path):
+        write_cell(tmp_path, "fit,file=$_$x", "a", 0, [(1, 0.4), (2, 0.3)])
+        found = curves(load_cells(tmp_path).table, "wall_seconds")
+        save_anytime(tmp_path / "anytime.png", "lab", {"wall_seconds": found})
+
 
 class TestCommand:
     def test_table_1_is_written_in_every_form_and_goes_on_where_it_stopped(self, data, tmp_path):

@@ -117,6 +117,15 @@ def test_of_samples_left_out_in_turn_each_that_fails_counts(tmp_path):
         assert profiles["sobol"] == [1, 1, inf, inf]
 
 
+def test_values_below_0_have_no_profile(tmp_path):
+    """No value is a multiple of a negative one: whoever was above 0 was said to have no answer."""
+    _cell(tmp_path, "homo", 0.02, [0.2, 0.1])
+    _cell(tmp_path, "sobol", 0.03, [0.2, 0.1])
+    table = load_cells(tmp_path).table
+    assert error_profiles(table.assign(test_energy_distance=[0.001, 0.0005]), "test_energy_distance")
+    assert error_profiles(table.assign(test_energy_distance=[-0.001, 0.0005]), "test_energy_distance") == []
+
+
 def test_one_solver_alone_is_not_compared(tmp_path):
     _cell(tmp_path, "homo", 0.02, [0.2, 0.1])
     table = load_cells(tmp_path).table

@@ -10,12 +10,17 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from shown_cells import radii
 
+from cusick_bench.leaderboard.bootstrap import Estimate
+from cusick_bench.leaderboard.performance import PerformanceProfile
+from cusick_bench.leaderboard.two_runs import Change, MethodChange
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 from cusick_bench.metrics.stiffness import BENDING
 from cusick_bench.report import View, cloth_colour, render_drape
+from cusick_bench.report.drawing.change_graph import change_graph
 from cusick_bench.report.drawing.inline_svg import inline_svg, page_figure, panel, printable
 from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
+from cusick_bench.report.drawing.method_graphs import method_style, performance_graph
 from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
 from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
@@ -104,6 +109,12 @@ def test_profile_graph_draws_both_lines_and_the_band():
     assert heights.min() == pytest.approx(108)
     (alone,) = profile_graph(radii(), radii(8), None).axes
     assert not alone.collections
+
+
+def test_real_and_simulated_differ_without_colour():
+    (axes,) = profile_graph(radii(), radii(8), None).axes
+    dashed = {line.get_color(): line.get_linestyle() != "-" for line in axes.lines if line.get_linewidth() == 2}
+    assert dashed == {REAL: False, MODEL: True}
 
 
 def test_levels_are_named_and_stay_inside():
@@ -214,6 +225,42 @@ def test_each_direction_has_a_panel_of_its_own():
         (density,) = axes.collections
         places, heights = density.get_paths()[0].vertices.T
         assert places[heights.argmin()] == pytest.approx(value, rel=0.1), name
+
+
+def found_of(value: float) -> FoundStiffness:
+    return FoundStiffness(dict.fromkeys(BENDING, Quantity(value)), {}, {}, {}, None, {})
+
+
+@pytest.mark.parametrize("value", [1.0e-6, 3.1e-6, 7e-6, 0.031e-6, 310e-6])
+def test_an_axis_of_stiffness_has_two_numbers_at_least(value):
+    """Between 2 and 5 of a decade, and between 5 and 10, an axis had none."""
+    for axes in stiffness_graph([StiffnessLine("homo", found_of(value))]).axes:
+        (kawabata,) = axes.child_axes
+        for own in (axes, kawabata):
+            (low, high), places = own.get_xlim(), own.get_xticks()
+            assert 2 <= len(places) <= 5
+            assert all(low <= place <= high for place in places)
+            assert [float(text.get_text()) for text in own.get_xticklabels()] == pytest.approx(list(places))
+
+
+def test_a_name_with_dollars_is_no_formula_in_graphs_of_methods():
+    """The report ended with an error of matplotlib."""
+    name = "fit,file=$_$x"
+    change = MethodChange(name, "solver", 1, {"test_mse": Change(0.1, 0.2, Estimate(2.0, 1.5, 3.0))})
+    for figure in (change_graph([change], "test_mse"), stiffness_graph([StiffnessLine(name, found_of(3e-6))])):
+        assert name in Page(inline_svg(figure, "a graph")).text
+
+
+def test_no_two_of_many_methods_are_drawn_alike():
+    """From the 25th on their colours and dashes were those of others."""
+    styles = [method_style(place) for place in range(144)]
+    assert len(set(styles)) == 144
+    assert {style.mark for style in styles[:24]} == {0}
+    profiles = [PerformanceProfile(str(place), np.array([1.0, 1.5, 3.0])) for place in range(30)]
+    figure = performance_graph(profiles, "cost", {one.label: place for place, one in enumerate(profiles)})
+    marked = [str(line.get_marker()) not in ("", "None") for line in figure.axes[0].lines]
+    assert marked == [False] * 24 + [True] * 6
+    assert Page(inline_svg(figure, "a graph")).all("use")
 
 
 def test_posterior_and_truth_are_drawn():

@@ -23,7 +23,13 @@ from cusick_bench.metrics import Confusion, ruled_surface
 from cusick_bench.report import ReportError
 from cusick_bench.report.figures.fold_variability import fold_variability
 from cusick_bench.report.figures.predictions import entrants, load_draws
-from cusick_bench.report.figures.radius_angle import Group, RadiusAngle, radius_angle, radius_angle_figure
+from cusick_bench.report.figures.radius_angle import (
+    Group,
+    RadiusAngle,
+    radius_angle,
+    radius_angle_figure,
+    save_confusion,
+)
 from cusick_bench.report.figures.sheet import in_blocks
 from cusick_bench.report.figures.side_by_side import Strip, Tile, fitted, held_out, strips_figure
 from cusick_bench.solvers.reference.silhouettes import silhouette
@@ -324,6 +330,14 @@ def test_a_sheet_of_many_methods_is_higher_not_wider(sheet):
         headings = [axes.get_title().split("\n")[0] for axes in figure.axes if axes.get_title()]
         assert sorted(headings)[:methods] == METHODS[:methods]
         assert sum(words.startswith("real") for words in headings) == blocks
+
+
+def test_a_name_with_dollars_is_no_formula_in_sheets(tmp_path):
+    """The command ended with an error of matplotlib."""
+    methods = ["fit,file=$_$x"]
+    strips_figure([strip(CLOTHS[0], methods)], "title").savefig(tmp_path / "strips.png", dpi=20)
+    radius_angle_figure(study(methods)).savefig(tmp_path / "lines.png", dpi=20)
+    save_confusion(study(methods), tmp_path / "confusion.png")
 
 
 def test_a_solver_that_lacks_a_cloth_leaves_its_place_empty(toy_dataset, toy_data, tmp_path):

@@ -25,6 +25,7 @@ from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 from cusick_bench.metrics.stiffness import BENDING, STRETCH
 from cusick_bench.report import ReportError, write_report
 from cusick_bench.report.cell_view import load_cell_view
+from cusick_bench.report.drawing.palette import DASHES, SERIES
 from cusick_bench.report.run.comparison import comparison_section
 from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.solvers.reference.silhouettes import silhouette
@@ -156,6 +157,47 @@ def test_performance_profiles_say_how_many_problems_count(tmp_path):
     curves = method_curves(cells, leaderboards(cells)[0])
     assert curves is not None
     assert [figure.caption.rpartition("; ")[2] for figure in curves.profiles] == ["problems that count: 2"] * 2
+
+
+def test_profiles_are_of_errors_or_costs_that_have_a_ratio(tmp_path):
+    """Beside a method with an energy distance below 0 all others were said never to come near; seconds are no error."""
+    for solver, distance in (("homo", -0.001), ("sobol", 0.0005)):
+        path = write_cell(tmp_path, solver) / "result.json"
+        result = json.loads(path.read_text())
+        result["metrics"]["test_energy_distance"] = distance
+        path.write_text(json.dumps(result))
+    cells = load_cells(tmp_path)
+    captions = {}
+    for by in ("test_mse", "test_energy_distance", "spent_wall_seconds"):
+        curves = method_curves(cells, leaderboards(cells, by=by)[0])
+        assert curves is not None
+        captions[by] = [figure.caption.partition(";")[0] for figure in curves.profiles]
+    coming_near = "Cost of coming within 10% of the lowest training loss of any method"
+    assert captions == {
+        "test_mse": ["Error that is left (test_mse)", coming_near],
+        "test_energy_distance": [coming_near],
+        "spent_wall_seconds": ["Cost (spent_wall_seconds)", coming_near],
+    }
+
+
+def test_a_mark_tells_methods_apart_once_colours_and_dashes_are_used_up(tmp_path, monkeypatch):
+    monkeypatch.setattr("cusick_bench.report.drawing.method_graphs.SERIES", SERIES[:1])
+    monkeypatch.setattr("cusick_bench.report.drawing.method_graphs.DASHES", DASHES[:1])
+    for solver in ("homo", "sobol"):
+        write_cell(tmp_path, solver)
+    page = make(tmp_path)
+    assert page.text.count("○") == 2  # in the keys of curves and of profiles
+    assert "shaded the range of the cells" in page.text
+
+
+def test_rows_of_one_solver_are_counted_as_methods(tmp_path):
+    """The leaderboard below had two."""
+    for seed, vertices in enumerate((700, 2699)):
+        cell = write_cell(tmp_path, "homo", seed=seed)
+        for name in ("cell.json", "result.json"):
+            of_mesh = {"seed": 0, "vertices": vertices}
+            (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | of_mesh))
+    assert "2 methods on 1 cloth, 2 finished cells" in make(tmp_path).text
 
 
 def test_what_is_shown_of_several_splits_is_told_apart(tmp_path):

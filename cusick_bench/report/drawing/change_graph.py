@@ -33,7 +33,7 @@ def change_graph(methods: Sequence[MethodChange], name: str) -> Figure:
         axes.plot([change.after], [row], "o", markersize=8, color=MODEL)
     axes.set(ylim=(len(methods) - 0.5, -0.5), xlabel=_TITLES.get(name, name))
     axes.set_xlim(left=0)
-    axes.set_yticks(range(len(methods)), row_names([method.label for method in methods]))
+    axes.set_yticks(range(len(methods)), row_names([method.label for method in methods]), parse_math=False)
     axes.tick_params(axis="y", labelcolor=INK)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7))
     return figure

@@ -30,7 +30,7 @@ def profile_graph(
     unseen: Float[ndarray, "samples angles"] | None,
     protocol: Protocol = RELEASE,
 ) -> Figure:
-    """Radius over angle: the real training sample, the simulation, and the range that unseen samples fill.
+    """Radius over angle: the real training sample, the simulation (dashed), and the range that unseen samples fill.
 
     Args:
         real: Radii at equidistant angles [m].
@@ -49,7 +49,7 @@ def profile_graph(
     if unseen is not None and len(unseen) > 1:
         draw_range(axes, unseen[:, ::_POINTS], color=REAL, alpha=0.15)
     draw_turn(axes, real[::_POINTS], color=REAL, linewidth=2)
-    draw_turn(axes, simulated[::_POINTS], color=MODEL, linewidth=2)
+    draw_turn(axes, simulated[::_POINTS], color=MODEL, linewidth=2, linestyle=(0, (5, 1.5)))
     return figure
 
 

@@ -1,6 +1,7 @@
-"""Graphs that compare methods: anytime curves and performance profiles, a colour and a dash for each method."""
+"""Graphs that compare methods: anytime curves and performance profiles, a colour, dash and mark for each method."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import ceil, floor, inf, log10
 from typing import Any
 
@@ -14,14 +15,43 @@ from numpy import ndarray
 from cusick_bench.leaderboard.anytime import Curve
 from cusick_bench.leaderboard.performance import PerformanceProfile
 from cusick_bench.report.drawing.inline_svg import page_figure, panel
-from cusick_bench.report.drawing.palette import DASHES, SERIES
+from cusick_bench.report.drawing.palette import CARD, DASHES, MARKS, SERIES
 
 COST_TITLES = {"forward_equivalents": "cost [drapes]", "wall_seconds": "wall time [s]"}
 _WIDTH, _HEIGHT = 560.0, 300.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 14.0, 10.0, 42.0  # room around the axes [px]
-_MOST_RANGES = 4  # methods whose ranges can be told apart
+MOST_RANGES = 4
+"""Methods whose ranges can be told apart."""
+_MARK_SIZE, _MARK_SPACING = 6.5, 0.12  # [px]; share of the axes' diagonal from mark to mark of a line
 _LARGEST_FACTOR = 100.0  # shown of a performance profile
 _LOG_STEPS = (1, 2, 5)
+
+
+@dataclass(frozen=True)
+class MethodStyle:
+    """How a method's lines are drawn; no two of 144 methods are drawn alike.
+
+    Attributes:
+        colour: Number of its colour in `SERIES`.
+        dash: Number of its dash in `DASHES`.
+        mark: Number of its mark in `MARKS`.
+    """
+
+    colour: int
+    dash: int
+    mark: int
+
+
+def method_style(place: int) -> MethodStyle:
+    """Style of a method's lines.
+
+    Args:
+        place: Number of the method, from 0.
+
+    Returns:
+        Colours and dashes in turn; once all their pairs are used, again with the next mark.
+    """
+    return MethodStyle(place % len(SERIES), place % len(DASHES), place // (len(SERIES) * len(DASHES)) % len(MARKS))
 
 
 def anytime_graph(curves: Sequence[Curve], cost: str, places: Mapping[str, int]) -> Figure:
@@ -30,7 +60,7 @@ def anytime_graph(curves: Sequence[Curve], cost: str, places: Mapping[str, int])
     Args:
         curves: Curves over that cost; at least one.
         cost: Name of the cost, one of `anytime.COSTS`.
-        places: Which colour and dash each method has.
+        places: Number of each method, which says its style.
 
     Returns:
         The figure.
@@ -40,7 +70,7 @@ def anytime_graph(curves: Sequence[Curve], cost: str, places: Mapping[str, int])
         shown = np.isfinite(curve.loss) & (curve.low > 0)
         spent, style = curve.cost[shown], _style(places[curve.label])
         axes.step(spent, curve.loss[shown], where="post", linewidth=2, **style)
-        if len(curves) <= _MOST_RANGES:
+        if len(curves) <= MOST_RANGES:
             axes.fill_between(
                 spent, curve.low[shown], curve.high[shown], step="post", color=style["color"], alpha=0.12, linewidth=0
             )
@@ -55,7 +85,7 @@ def performance_graph(profiles: Sequence[PerformanceProfile], quantity: str, pla
     Args:
         profiles: Profiles of the methods; at least one.
         quantity: What the factor is of, such as "test error".
-        places: Which colour and dash each method has.
+        places: Number of each method, which says its style.
 
     Returns:
         The figure.
@@ -82,7 +112,12 @@ def _graph() -> tuple[Figure, Axes]:
 
 
 def _style(place: int) -> dict[str, Any]:
-    return {"color": SERIES[place % len(SERIES)], "linestyle": DASHES[place % len(DASHES)]}
+    style = method_style(place)
+    line = {"color": SERIES[style.colour], "linestyle": DASHES[style.dash]}
+    if not MARKS[style.mark]:
+        return line
+    mark = {"marker": MARKS[style.mark], "markevery": _MARK_SPACING, "markersize": _MARK_SIZE}
+    return line | mark | {"markerfacecolor": CARD, "markeredgewidth": 1.5}
 
 
 def _staircase(profile: PerformanceProfile, limit: float) -> tuple[Float[ndarray, " steps"], Float[ndarray, " steps"]]:

@@ -23,6 +23,9 @@ SERIES = tuple(f"#fe001{place}" for place in range(8))
 DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)))
 """Dashes of the same methods: solid, dashed, dotted; a number that 8 is no multiple of, so that pairs differ."""
 
+MARKS = ("", "o", "s", "^", "D", "v")
+"""Marks along the lines of the same methods: none where colours and dashes tell all apart, then one for each round."""
+
 VARIABLES: Mapping[str, str] = {
     INK: "--ink",
     SOFT: "--soft",

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.stats import gaussian_kde
@@ -23,7 +24,7 @@ _TOP, _BOTTOM, _ROW = 48.0, 40.0, 32.0
 _MICRO = 1e6
 _ROOM = 0.12  # decades beside the outermost numbers
 _GRID = 160  # points of a density
-_MOST_TICKS = 4
+_FEWEST_TICKS, _MOST_TICKS = 2, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def stiffness_graph(lines: Sequence[StiffnessLine]) -> Figure:
     for place, direction in enumerate(BENDING):
         axes = panel(figure, _LEFT + place * (width + _GAP), _TOP, width, _ROW * len(lines))
         axes.set(xscale="log", xlim=limits, ylim=(len(lines) - 0.5, -0.5), xlabel="µN m")
-        axes.set_yticks(range(len(lines)), names if place == 0 else [""] * len(lines))
+        axes.set_yticks(range(len(lines)), names if place == 0 else [""] * len(lines), parse_math=False)
         axes.tick_params(axis="y", labelcolor=INK)
         _ticks(axes, limits)
         axes.text(0, -0.5 - 26 / _ROW, direction, transform=axes.get_yaxis_transform(), color=INK, size=TICK_SIZE + 1.5)
@@ -118,6 +119,8 @@ def _ticks(axes: Axes, limits: tuple[float, float]) -> None:
 def number_ticks(axes: Axes, limits: tuple[float, float]) -> None:
     """Ticks of a logarithmic x axis at 1, 2 and 5 of a decade, at powers of ten where that would be many.
 
+    A short axis, on which fewer than two of these lie, has ticks at equal distances.
+
     Args:
         axes: The axes.
         limits: Ends of its x axis, > 0.
@@ -140,7 +143,10 @@ def _round_numbers(low: float, high: float) -> list[float]:
     for steps in ((1, 2, 5), (1, 3), (1,)):
         ticks = [step * 10.0**decade for decade in decades for step in steps if low <= step * 10.0**decade <= high]
         if len(ticks) <= _MOST_TICKS:
-            return ticks
+            break
+    if len(ticks) < _FEWEST_TICKS:
+        even = MaxNLocator(_MOST_TICKS, steps=(1, 2, 5, 10)).tick_values(low, high)
+        return [tick for tick in even.tolist() if low <= tick <= high]
     return ticks[:: ceil(len(ticks) / _MOST_TICKS)]
 
 

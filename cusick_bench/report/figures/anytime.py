@@ -41,6 +41,8 @@ def save_anytime(path: Path, title: str, panels: Mapping[str, Sequence[Curve]]) 
         axis.grid(visible=True, which="both", alpha=0.2)
     ranges = " and range" if max(map(len, panels.values())) <= _MOST_RANGES else ""
     axes[0].set_ylabel(f"best training MSE (mean{ranges} of cells)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=8, frameon=False)
+    legend = figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=8, frameon=False)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
     figure.suptitle(title, fontsize=11, parse_math=False)  # a data set's name may hold a $
     figure.savefig(path)

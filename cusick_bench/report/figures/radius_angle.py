@@ -257,7 +257,9 @@ def radius_angle_figure(study: RadiusAngle) -> Figure:
 def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group], protocol: Protocol) -> None:
     """Draws groups side by side, the real one first."""
     for column, group in enumerate(groups):
-        axes[0, column].set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
+        axes[0, column].set_title(
+            f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9, parse_math=False
+        )
         for row, cloth in enumerate(cloths):
             axis = axes[row, column]
             axis.set_axis_on()
@@ -283,7 +285,7 @@ def save_confusion(study: RadiusAngle, path: Path) -> None:
     for axis, group in zip(axes.ravel(), groups, strict=False):
         axis.set_axis_on()
         _matrix(axis, group.confusion)
-        axis.set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
+        axis.set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9, parse_math=False)
         axis.set_xticks(
             range(len(study.cloths) + 1), (*study.cloths, "none"), rotation=45, ha="right", fontsize=8, parse_math=False
         )

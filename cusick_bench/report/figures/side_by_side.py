@@ -239,7 +239,7 @@ def strips_figure(strips: Sequence[Strip], title: str) -> Figure:
         for index, strip in enumerate(strips, start=number * len(strips)):
             _strip(axes[2 * index : 2 * index + 2], strip, labels)
         for axis, label in zip(axes[2 * number * len(strips)], ["real", *labels], strict=False):
-            axis.set_title(heading(label), fontsize=9)
+            axis.set_title(heading(label), fontsize=9, parse_math=False)
     figure.suptitle(title, fontsize=10)
     return figure
 

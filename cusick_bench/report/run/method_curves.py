@@ -9,13 +9,19 @@ from markupsafe import Markup
 from cusick_bench.leaderboard import Cells, Leaderboard
 from cusick_bench.leaderboard.anytime import COSTS, Curve, curves
 from cusick_bench.leaderboard.cells.variants import BOARD, of_boards
-from cusick_bench.leaderboard.order import direction
+from cusick_bench.leaderboard.order import direction, is_cost
 from cusick_bench.leaderboard.performance import NEAR, PerformanceProfile, cost_profiles, error_profiles
 from cusick_bench.report.drawing.inline_svg import inline_svg
-from cusick_bench.report.drawing.method_graphs import COST_TITLES, anytime_graph, performance_graph
-from cusick_bench.report.drawing.palette import DASHES, SERIES
+from cusick_bench.report.drawing.method_graphs import (
+    COST_TITLES,
+    MOST_RANGES,
+    anytime_graph,
+    method_style,
+    performance_graph,
+)
 
 _DASH_NAMES = ("solid", "dashed", "dotted")  # of the key, in the order of `DASHES`
+_MARK_LETTERS = ("", "○", "□", "△", "◇", "▽")  # of the key, in the order of `MARKS`
 
 
 @dataclass(frozen=True)
@@ -26,11 +32,13 @@ class MethodKey:
         label: Its name.
         colour: Number of its colour in the style sheet.
         dash: "solid", "dashed" or "dotted".
+        mark: The mark along its lines, "" without one.
     """
 
     label: str
     colour: int
     dash: str
+    mark: str
 
 
 @dataclass(frozen=True)
@@ -54,12 +62,14 @@ class MethodCurves:
         key: The methods.
         anytime: Anytime curves, one a cost.
         profiles: Performance profiles.
+        has_ranges: Whether anytime curves show the range over cells.
         of: What sets their cells apart from those of other leaderboards of the page; "" where there are none.
     """
 
     key: list[MethodKey]
     anytime: list[MethodFigure]
     profiles: list[MethodFigure]
+    has_ranges: bool = False
     of: str = ""
 
 
@@ -95,12 +105,14 @@ def method_curves(cells: Cells, board: Leaderboard) -> MethodCurves | None:
             f"{caption}; problems that count: {len(found[0].ratios)}",
         )
         for found, quantity, caption in (
-            (errors, board.by, f"Error that is left ({board.by})"),
+            (errors, board.by, f"Cost ({board.by})" if is_cost(board.by) else f"Error that is left ({board.by})"),
             (costs, "cost", f"Cost of coming within {NEAR:.0%} of the lowest training loss of any method"),
         )
         if found
     ]
-    return MethodCurves([_key(label, place) for label, place in places.items()], anytime, profiles, _of(cells, board))
+    has_ranges = any(0 < len(found) <= MOST_RANGES for found in by_cost.values())
+    key = [_key(label, place) for label, place in places.items()]
+    return MethodCurves(key, anytime, profiles, has_ranges, _of(cells, board))
 
 
 def _of(cells: Cells, board: Leaderboard) -> str:
@@ -110,7 +122,8 @@ def _of(cells: Cells, board: Leaderboard) -> str:
 
 
 def _key(label: str, place: int) -> MethodKey:
-    return MethodKey(label, place % len(SERIES), _DASH_NAMES[place % len(DASHES)])
+    style = method_style(place)
+    return MethodKey(label, style.colour, _DASH_NAMES[style.dash], _MARK_LETTERS[style.mark])
 
 
 def _drawable(found: Sequence[Curve]) -> list[Curve]:

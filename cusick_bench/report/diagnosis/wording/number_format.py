@@ -21,9 +21,9 @@ def percent(share: float | None, digits: int = 0) -> str:
     if share is None:
         return UNKNOWN
     least = 10.0 ** (-digits) / 2
-    if 0 < 100 * share < least:
+    if 0 < 100 * share <= least:
         return f"<{_SPACE}{2 * least:g}{_SPACE}%"
-    if 100 - least < 100 * share < 100:
+    if 100 - least <= 100 * share < 100:
         return f">{_SPACE}{100 - 2 * least:g}{_SPACE}%"
     return signed(f"{100 * share:.{digits}f}{_SPACE}%")
 
