@@ -1,6 +1,8 @@
 """Arrays of an .npz file that others wrote: their headers are read before memory is asked for."""
 
+import lzma
 import math
+import tokenize
 import warnings
 import zipfile
 import zlib
@@ -52,19 +54,21 @@ def read_npz(
             return {name.removesuffix(".npy"): _array(archive, name) for name in chosen}
     except BadFile:
         raise
-    except (  # what zipfile, zlib and numpy raise on damaged files
+    except (  # what zipfile, its decompressors and numpy, which parses headers as Python, raise on damaged files
         OSError,
         EOFError,
         ValueError,
-        KeyError,
+        LookupError,
         TypeError,
         SyntaxError,
         OverflowError,
         RecursionError,
         NotImplementedError,
         RuntimeError,
+        tokenize.TokenError,
         zipfile.BadZipFile,
         zlib.error,
+        lzma.LZMAError,
     ) as error:
         raise BadFile(path, f"cannot be read as an .npz file ({error})", remedy) from error
 

@@ -1,7 +1,7 @@
 """The data set of a folder: the folder itself, or a data set made from its photographs."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -142,20 +142,23 @@ def _prepared(
             pass
     if record.exists() and not recorded(record):
         raise IdentifyError(f"{record} was not written by an identification; choose another --out, or move it away")
-    if record.exists() and workspace.data.is_dir():
-        _require_unedited(workspace)
-    else:
-        require_free(folder, workspace.data)  # before the record, which says that the data set is ours to remove
-        keep(record, "", {})
+    written = recorded(record).get("files")
+    if workspace.data.is_dir() and isinstance(written, dict):
+        _require_unedited(workspace, written)
+    else:  # what no record tells the files of is not ours to remove
+        _require_empty(folder, workspace.data)
     begin(len(found.drapes))
-    new = workspace.out / _NEW
-    shutil.rmtree(new, ignore_errors=True)  # what a crash has left
+    new, old = workspace.out / _NEW, workspace.out / f"{_NEW}.old"
+    for left in (new, old):  # by a crash
+        shutil.rmtree(left, ignore_errors=True)
     preparation = _described(prepare(folder, new, setting, done))
-    keep(record, "", {})
+    files = digests(new)
     if workspace.data.exists():
-        shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
+        workspace.data.rename(old)  # of other photographs or options
+    keep(record, "", {"files": files})
     new.rename(workspace.data)
-    keep(record, key, {"preparation": preparation.model_dump_json(), "files": digests(workspace.data)})
+    keep(record, key, {"preparation": preparation.model_dump_json(), "files": files})
+    shutil.rmtree(old, ignore_errors=True)
     return _usable(preparation, workspace)
 
 
@@ -168,11 +171,18 @@ def _require_text(paths: list[Path]) -> None:
             raise IdentifyError(f"{path}: names of photographs and their folders must be UTF-8; rename it") from error
 
 
-def _require_unedited(workspace: Workspace) -> None:
-    """Refuses to remove what somebody has changed in the data set; nothing is known of one that is unfinished."""
-    written = recorded(workspace.data_record).get("files")
-    if not isinstance(written, dict):
-        return
+def _require_empty(photographs: Path, folder: Path) -> None:
+    """Refuses a folder that holds anything, also the table of weights that `data prepare` leaves where it is."""
+    require_free(photographs, folder)
+    if folder.is_dir() and (there := sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))):
+        raise IdentifyError(
+            f"{folder} holds {first_names(there)}, and the data set of the photographs is made in its place; move it "
+            "away (--weights takes a table from anywhere), or choose another --out"
+        )
+
+
+def _require_unedited(workspace: Workspace, written: Mapping[str, str]) -> None:
+    """Refuses to remove what somebody has changed in the data set."""
     if changed := edited(workspace.data, written):
         raise IdentifyError(
             f"{workspace.data} has to be made again, since photographs, options or this program have changed, and was "

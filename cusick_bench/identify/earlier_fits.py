@@ -12,8 +12,8 @@ from cusick_bench.identify.workspace import Workspace
 from cusick_bench.runner import Cell, Store, record_key
 from cusick_bench.runner.store import disk_errors, write_json
 
-_WHOLE = ("dataset_hash", "problem_hash", "train", "test")
-"""What a cell's record says of the whole data set, or by rows of the whole index."""
+_WHOLE = ("dataset", "dataset_hash", "problem_hash", "train", "test")
+"""What a cell's record says of the whole data set and its folder, or by rows of the whole index."""
 
 
 def key_of_own_data(dataset: DrapeDataset, cell: Cell) -> str:
@@ -24,7 +24,7 @@ def key_of_own_data(dataset: DrapeDataset, cell: Cell) -> str:
         cell: A cell of one of its cloths.
 
     Returns:
-        20 hexadecimal digits, which pictures and weights of other cloths do not change.
+        20 hexadecimal digits, which pictures and weights of other cloths do not change, nor the name of the data set.
     """
     cloths = zip(dataset.table.index.tolist(), dataset.table["cloth"], strict=True)
     rows = [row for row, cloth in cloths if cloth == cell.cloth]

@@ -20,6 +20,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.effects import Cause, apply_all, parse, require_repeatable
+from cusick_bench.sim.effects.registry import applied_in_turn
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.history import drop_with_history
@@ -109,7 +110,8 @@ class Scene:
     @cached_property
     def stateful(self) -> str:
         """Name of the first effect with internal variables, which has no gradients; "" where there is none."""
-        return next((c.effect.name for c in self.causes if c.apply(self._plain(_ANY_CLOTH)).states), "")
+        steps = applied_in_turn(self.causes, self._plain(_ANY_CLOTH))
+        return next((cause.effect.name for cause, setup in steps if setup.states), "")
 
     def to_cloth(self, vertices: Float[Tensor, "*batch vertices 3"]) -> Float[Tensor, "*batch vertices 3"]:
         """Turns points from the laboratory's frame to that of the simulated cloth, or back.

@@ -121,12 +121,16 @@ def moved(mesh: Mesh, before: Placing, after: Placing) -> Mesh:
     displacement = after.displacement() - before.displacement()
     material = mesh.material + displacement
     nearest = float(np.hypot(*material[mesh.boundary].T).min())
+    why = (
+        f"the cloth must reach beyond the plate of radius {after.plate:g} m, but its rim comes as near as "
+        f"{nearest:g} m; take a smaller severity, plate or shift"
+    )
     if not (math.isfinite(nearest) and nearest > after.plate):
-        raise SimulationError(
-            f"the cloth must reach beyond the plate of radius {after.plate:g} m, but its rim comes as near as "
-            f"{nearest:g} m; take a smaller severity, plate or shift"
-        )
-    return Mesh(material, mesh.faces, moved_pattern(mesh, displacement))
+        raise SimulationError(why)
+    try:
+        return Mesh(material, mesh.faces, moved_pattern(mesh, displacement))
+    except SimulationError as error:  # the rim is a polygon: triangles turn over a little before it meets the plate
+        raise SimulationError(why) from error
 
 
 def moved_pattern(mesh: Mesh, displacement: Float[ndarray, "vertices 2"]) -> Float[ndarray, "faces 3 2"] | None:

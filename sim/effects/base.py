@@ -76,10 +76,10 @@ class Effect(ABC):
         physics: What it does, in a sentence with its equation.
         reference: Source of the equation.
         parameters: Exactly one has the role `severity`.
-        located: Where it acts: nowhere in particular, along a direction, in a patch, in a ring.
+        located: Where it acts: nowhere in particular, along a direction, in a patch, in a ring. A parameter with the
+            role `direction` is that of a direction or a patch.
         gradient: `adjoint` where drapes are differentiable to its parameters, else `differences` with common random
             numbers.
-        signed: Whether negative severities mean something.
         face_odd: Whether it acts with the opposite sign when the cloth is turned over.
         repeatable: Whether it may be given twice; False where the second would not add to the first.
         version: Raised when it changes drapes in another way; finished cells with it are then computed again.
@@ -93,7 +93,6 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     located: ClassVar[Literal["", "direction", "patch", "ring"]] = ""
     gradient: ClassVar[Literal["adjoint", "differences"]] = "differences"
-    signed: ClassVar[bool] = True
     face_odd: ClassVar[bool] = False
     repeatable: ClassVar[bool] = True
     version: ClassVar[int] = 1
@@ -106,6 +105,11 @@ class Effect(ABC):
     def severity(self) -> Parameter:
         """The parameter that is 0 where the effect is absent."""
         return next(p for p in self.parameters if p.role == "severity")
+
+    @property
+    def signed(self) -> bool:
+        """Whether negative severities mean something: whether its bounds allow them."""
+        return self.severity.low < 0
 
     def complete(self, value: Values) -> dict[str, float | Tensor]:
         """All parameters: the given ones, defaults for the others.

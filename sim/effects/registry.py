@@ -7,7 +7,7 @@ A package elsewhere registers its own through an entry point in the group `cusic
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
@@ -129,6 +129,10 @@ def _fault(made: Effect) -> str:
     severities = sum(parameter.role == "severity" for parameter in made.parameters)
     if severities != 1:
         return f"must have one parameter with the role severity, has {severities}; state one"
+    if made.located not in ("direction", "patch") and any(p.role == "direction" for p in made.parameters):
+        return (  # otherwise a diagnosis would take it to be the same on all sides
+            f"has a direction, so it must be located 'direction' or 'patch', got {made.located!r}; state `located`"
+        )
     for p in made.parameters:
         if not p.low <= p.usual <= p.high:
             what = "typical" if p.role == "severity" else "default"
@@ -210,6 +214,8 @@ def require_repeatable(causes: Sequence[Cause]) -> None:
 def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
     """The setup with all causes, in order; an effect that acts once more draws random numbers of its own.
 
+    A cause that needs the room that a later one makes, such as a shift beside a larger cut, comes after it.
+
     Args:
         causes: Effects with their parameters.
         setup: A drape about to be made.
@@ -218,16 +224,42 @@ def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
         Another setup; the given one stays as it is.
 
     Raises:
-        SimulationError: An effect that cannot act twice is given twice.
+        SimulationError: An effect that cannot act twice is given twice, or a cause that cannot act on this setup.
+    """
+    for _, applied in applied_in_turn(causes, setup):
+        setup = applied
+    return setup
+
+
+def applied_in_turn(causes: Sequence[Cause], setup: Setup) -> Iterator[tuple[Cause, Setup]]:
+    """What `apply_all` does, step by step.
+
+    Args:
+        causes: Effects with their parameters.
+        setup: A drape about to be made.
+
+    Yields:
+        A cause, and the setup with it and those before.
+
+    Raises:
+        SimulationError: As in `apply_all`.
     """
     require_repeatable(causes)
     seeds = {"specimen_seed": setup.specimen_seed, "laying_seed": setup.laying_seed}
-    earlier: Counter[str] = Counter()
-    for cause in causes:
-        if times := earlier[cause.effect.name]:
-            other_seeds = {name: (*seed, times) for name, seed in seeds.items()}
-            setup = replace(cause.apply(replace(setup, **other_seeds)), **seeds)
-        else:
-            setup = cause.apply(setup)
-        earlier[cause.effect.name] += 1
-    return setup
+    times = [sum(other.effect.name == cause.effect.name for other in causes[:i]) for i, cause in enumerate(causes)]
+    waiting = list(zip(causes, times, strict=True))
+    while waiting:
+        refused: list[tuple[Cause, int]] = []
+        why: SimulationError | None = None
+        for cause, earlier in waiting:
+            own = {name: (*seed, earlier) if earlier else seed for name, seed in seeds.items()}
+            try:
+                setup = replace(cause.apply(replace(setup, **own)), **seeds) if earlier else cause.apply(setup)
+            except SimulationError as error:
+                refused.append((cause, earlier))
+                why = why or error
+            else:
+                yield cause, setup
+        if why is not None and len(refused) == len(waiting):
+            raise why
+        waiting = refused

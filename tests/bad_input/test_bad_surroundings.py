@@ -50,6 +50,10 @@ class Worded(Idle):
     parameters = ("load",)
 class Boundless(Idle):
     parameters = (Parameter("load", "1", None, None, 0.5, "none"),)
+class Sideways(Idle):
+    parameters = (
+        Parameter("load", "1", 0, 1, 0.5, "none"), Parameter("towards", "deg", 0, 360, 0, "any", role="direction")
+    )
 class Colon(Idle):
     name = "odd:one"
 """
@@ -267,6 +271,7 @@ def test_members_of_a_built_in_family_stay_what_they_are(register):
         ("Commaless", "cannot be used .TypeError: 'Parameter' object is not iterable"),
         ("Worded", "must have parameters of the class Parameter, got 'load'; correct it"),
         ("Boundless", "cannot be used .TypeError"),
+        ("Sideways", "has a direction, so it must be located 'direction' or 'patch', got ''; state `located`"),
     ],
 )
 def test_an_effect_that_cannot_be_used_is_named_and_left_out(register, kind, reason):

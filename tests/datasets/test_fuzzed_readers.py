@@ -24,7 +24,7 @@ from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.plate_drapes import read_plate_drapes
 from cusick_bench.datasets.files.protocol import read_protocol
-from cusick_bench.files import read_json_object, read_npz
+from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.photographs.reading import read_photograph
 from cusick_bench.sim.errors import CusickError
 
@@ -175,3 +175,33 @@ def test_a_zip_that_is_no_npz_is_refused(tmp_path: Path):
     with pytest.raises(CusickError):
         read_npz(path, remedy="mend it")
     assert not (tmp_path.parent / "escape.npy").exists()
+
+
+def _packed(header: bytes, method: int = zipfile.ZIP_STORED) -> bytes:
+    """An .npz file of one array with such a header."""
+    buffer, text = io.BytesIO(), header.ljust(117) + b"\n"
+    with zipfile.ZipFile(buffer, "w", method) as archive:
+        archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(1 << 16))
+    return buffer.getvalue()
+
+
+HEADER = b"{'descr': '<f8', 'fortran_order': False, 'shape': (8192,), }"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        _packed(HEADER.replace(b"}", b" ")),
+        _packed(HEADER.replace(b"'<f8'", b"()")),
+        _packed(HEADER, zipfile.ZIP_LZMA).replace(b"\x09\x04\x05\x00\x5d", b"\x09\x04\x05\x00\xff"),
+    ],
+    ids=["brace", "type", "lzma"],
+)
+def test_an_npz_whose_arrays_cannot_be_understood_is_refused(tmp_path: Path, content: bytes):
+    """One wrong byte in the header of a large array ended in a traceback: sums are checked after headers are read."""
+    path = tmp_path / "file.npz"
+    path.write_bytes(_packed(HEADER))
+    assert read_npz(path, remedy="mend it")["a"].shape == (8192,)
+    path.write_bytes(content)
+    with pytest.raises(BadFile, match=r"cannot be read as an \.npz file"):
+        read_npz(path, remedy="mend it")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from html_page import Page
+from identified import made_up_fit
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -15,6 +16,7 @@ from cusick_bench.garment.page import write_page
 from cusick_bench.garment.side_by_side import save_side_by_side
 from cusick_bench.garment.skirt import SkirtSize
 from cusick_bench.garment.wearing import Wearing, wear
+from cusick_bench.identify.document import Drapes, FabricIdentity, IdentifyDocument, Made
 from cusick_bench.runner import Store
 
 STILL = ["--vertices", "170", "--length", "0.3", "--draws", "2", "--hip", "0", "--static"]
@@ -139,6 +141,28 @@ def test_fits_with_other_settings_or_of_other_data_are_not_mixed(run: Path, unli
     words = " ".join(result.output.split())
     assert "fits that cannot be compared" in words
     assert told in words
+
+
+def test_the_run_of_an_identification_shows_the_fits_that_its_document_states(tmp_path: Path):
+    """After a fabric was added or weighed again its folder holds fits of two states of the data: all were refused."""
+    run = tmp_path / "run"
+    _cell(run, "homo", "limp", 3e-6)
+    _cell(run, "homo", "stiff", 1e-5, 1)  # with an earlier weight
+    _cell(run, "homo", "stiff", 1e-3, dataset_hash="def", protocol="typical-forced")
+    assert "fits that cannot be compared" in " ".join(_compare(str(run), *STILL).output.split())
+    drapes, made = Drapes(samples=1, silhouettes=1, units=1), Made(command="", version="")
+    paths = {cloth: f"run/cells/homo-{cloth}-0" for cloth in BENDING}
+    fabrics = [FabricIdentity(fabric=cloth, drapes=drapes, fit=made_up_fit(path)) for cloth, path in paths.items()]
+    document = IdentifyDocument(
+        folder="lab", data="lab", dataset_hash="def", cloth_radius_m=0.15, plate_radius_m=0.09, fabrics=tuple(fabrics),
+        made=made,
+    )  # fmt: skip
+    document.write(tmp_path / "identify.json")
+    result = _compare(str(run), *STILL, "--json")
+    assert result.exit_code == 0, result.output
+    limp, stiff = json.loads(result.stdout)["cloths"]
+    assert [limp["cloth"], stiff["cloth"]] == ["limp", "stiff"]
+    assert limp["hem_radius_m"] < 0.8 * stiff["hem_radius_m"], "not the softer fit with the earlier weight"
 
 
 def test_a_cell_that_was_edited_is_left_out_with_a_note(run: Path):

@@ -12,10 +12,13 @@ from PIL import Image
 from cusick_bench.datasets import load
 from cusick_bench.datasets.stats import statistics
 from cusick_bench.identify.document import Fit
+from cusick_bench.identify.earlier_fits import keys_of_fits
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.identify import begin
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.words import left_out_notes
+from cusick_bench.identify.workspace import Workspace
+from cusick_bench.runner import Store
 
 
 def test_a_weight_that_is_added_counts_in_the_same_process(lab, tmp_path):
@@ -102,3 +105,12 @@ def test_a_fit_is_kept_where_only_other_fabrics_have_changed(lab, tmp_path):
     assert third["fabric_2"].stiffness["warp"].value > second["fabric_2"].stiffness["warp"].value
     (tmp_path / "out/fits.json").write_text("no JSON")
     assert fitted()["fabric_3"].stiffness == third["fabric_3"].stiffness, "made again"
+
+
+def test_a_fit_is_kept_where_the_folder_of_the_data_is_renamed(lab, tmp_path, monkeypatch):
+    workspace, options, keys = Workspace(tmp_path), Options(solver="sobol", vertices=97, steps=10, budget=3), []
+    for name in ("my lab", "mein Labor, Süd"):
+        dataset = load(shutil.copytree(lab, tmp_path / name))
+        keys.append(keys_of_fits(dataset, plan_fits(dataset, ["fabric_1"], options).cells, workspace))
+        monkeypatch.setattr(Store, "is_done", lambda store, key: key in keys[0].values())
+    assert keys[0] == keys[1]

@@ -16,6 +16,7 @@ from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.workspace import Workspace, digests
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.setting_text import SettingText
+from cusick_bench.sim.errors import CusickError
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
 
@@ -92,6 +93,45 @@ def test_edits_in_a_data_set_that_was_prepared_are_not_lost(photographs, tmp_pat
     workspace.data.rename(tmp_path / "mine")
     prepared("200 g/m2")
     assert "0.2," in (workspace.data / "fabrics.csv").read_text()
+
+
+def test_a_data_set_that_is_put_back_after_an_interruption_is_not_lost(photographs, tmp_path, monkeypatch):
+    """It was moved away as the message says, and put back: the interrupted command had taken it for its own."""
+    workspace = Workspace(tmp_path / "out")
+
+    def prepared(weight: str) -> None:
+        as_data_set(str(photographs), workspace, SettingText(weight=(weight,)), 256)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for earlier in (True, False):
+        if earlier:
+            prepared("180 g/m2")
+        else:
+            (workspace.out / "data.json").unlink()
+        edited = workspace.data / "fabrics.csv"
+        edited.write_text("fabric,areal_density_kg_m2,thickness_m\n1,0.21,0.0004\n")
+        before = digests(workspace.data)
+        workspace.data.rename(tmp_path / "mine")
+        with monkeypatch.context() as patched:
+            patched.setattr(data_of_folder, "prepare", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                prepared("200 g/m2")
+        (tmp_path / "mine").rename(workspace.data)
+        with pytest.raises(CusickError, match="was edited after it had been made" if earlier else "is not empty"):
+            prepared("200 g/m2")
+        assert digests(workspace.data) == before
+
+
+def test_a_table_of_weights_where_the_data_set_goes_is_not_removed(photographs, tmp_path):
+    """`data prepare --out OUT/data --template` leaves one there."""
+    table = tmp_path / "out/data/weights.csv"
+    table.parent.mkdir(parents=True)
+    table.write_text("fabric,weight,thickness\n1,5.3 oz/yd2,\n")
+    with pytest.raises(IdentifyError, match=r"data holds weights\.csv, and the data set .* move it away"):
+        as_data_set(str(photographs), Workspace(tmp_path / "out"), SettingText(weights=table), 256)
+    assert "5.3 oz/yd2" in table.read_text()
 
 
 def test_a_photograph_that_cannot_be_used_takes_no_data_set_away(photographs, tmp_path):

@@ -133,6 +133,7 @@ def test_numbers_are_rounded_without_lying():
     assert [percent(share) for share in (0.0, 0.001, 0.5, 0.999, 1.0, None)] == [
         "0\u00a0%", "<\u00a01\u00a0%", "50\u00a0%", ">\u00a099\u00a0%", "100\u00a0%", "–",
     ]  # fmt: skip
+    assert [percent(0.005), percent(0.995)] == ["<\u00a01\u00a0%", ">\u00a099\u00a0%"], "not 0 % and 100 %"
     assert [plain(value) for value in (0.0874, -0.0021, 12345.0, 0.0)] == ["0.087", "−0.0021", "12345", "0"]
     assert measure(0.0021, "m") == "2.1\u00a0mm"
     assert measure(40.0, "deg") == "40°"

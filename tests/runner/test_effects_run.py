@@ -182,6 +182,12 @@ class TestGrid:
             scene = Scene(parse_causes(causes), disc_mesh(100), settings.drape)
             assert ("branch" in dict(cell.numerics)) == (scene.simulated.mode == "equilibrium")
 
+    def test_causes_that_are_possible_only_together_make_a_scene(self):
+        causes = ("off-centre:shift=0.03", "creep", "cut-size:error=0.01")
+        scene = Scene(parse_causes(causes), disc_mesh(100, radius=0.12), SMALL.drape, later=True)
+        assert scene.stateful == "creep"
+        assert np.hypot(*scene.warped.material[scene.warped.boundary].T).min() > 0.09
+
     def test_rows_without_physics_stay_what_they_are(self, data):
         (null,) = _cells(data, solvers=["null:disc"])
         assert null.key == _cells(data, (), ["null:disc"])[0].key

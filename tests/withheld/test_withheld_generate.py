@@ -12,8 +12,10 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.files.digest import folder_digest
+from cusick_bench.sim.effects import registered
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.seal import holds, published_files, salt_of, seal, sealed
+from cusick_bench.withheld.suite import design
 from cusick_bench.withheld.suite import generate as generate_module
 from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, MULTIPLES, OUTSIDE, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities, read_detectable
@@ -318,6 +320,14 @@ def test_labels_have_the_agreed_form():
 def test_a_suite_that_cannot_be_is_refused(counts, detectable, message):
     with pytest.raises(WithheldError, match=message):
         plan_suite(1, counts, detectable and flat(**detectable))
+
+
+def test_severities_of_other_packages_effects_do_not_count(monkeypatch):
+    """`atlas power` has a row for each effect of an atlas, and no world can do those of other packages."""
+    monkeypatch.setattr(design, "registered", lambda: {**registered(), "weak-gravity": None})
+    few = flat(**{"plate-tilt": 1.0})
+    more = flat(**{"plate-tilt": 1.0, "weak-gravity": 0.1})
+    assert plan_suite(1, COUNTS, more) == plan_suite(1, COUNTS, few)
 
 
 def test_the_command_makes_a_suite_and_goes_on_without_being_told_the_seed(tmp_path):

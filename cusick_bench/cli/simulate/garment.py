@@ -226,7 +226,7 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     cells = load_cells(run)
     tell_damaged(cells)
     table = cells.table.sort_values(["cloth", "solver", "repeat"])
-    fitted = table.loc[table["stiffness"].notna()]
+    fitted, stated = _stated_fits(run, table.loc[table["stiffness"].notna()])
     names = sorted(set(fitted["solver"]))
     if not names:
         raise GarmentError(f"no cell of {run} has found any stiffness; run a solver with physics, such as homo")
@@ -239,7 +239,7 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     rows = [method_label(*names) for names, _ in variants(own)]
     unlike = rows if len(rows) > len(chosen) else []
     boards = [" ".join(map(str, board)) for board in own[BOARD].drop_duplicates().itertuples(index=False, name=None)]
-    if unlike or len(boards) > 1:
+    if unlike or (len(boards) > 1 and not stated):
         raise GarmentError(
             f"{run} has fits that cannot be compared: {'; '.join(unlike or boards)}; fit all cloths with one setting "
             "into a results folder of their own (`run --out`)"
@@ -248,6 +248,23 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     _tell_missing(cells, own, chosen)
     labels = own["cloth"] if len(chosen) == 1 else own["cloth"] + " of " + own["solver"]
     return {str(label): Path(folder) for label, folder in zip(labels, own["folder"], strict=True)}
+
+
+def _stated_fits(run: Path, fitted: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
+    """Of the run of an identification the fits that its document states, and whether it is one.
+
+    Its folder keeps those of earlier weights and options, and fits of fabrics that did not change when others did.
+    """
+    from cusick_bench.identify.document import IdentifyDocument
+    from cusick_bench.identify.workspace import Workspace
+
+    workspace = Workspace(run.absolute().parent)
+    if run.absolute() != workspace.run or not workspace.document.is_file():
+        return fitted, False
+    document = IdentifyDocument.read(workspace.document)
+    keys = {Path(one.fit.path).name for one in document.fabrics if one.fit is not None}
+    own = fitted.loc[[Path(folder).name in keys for folder in fitted["folder"]]]
+    return (fitted, False) if own.empty else (own, True)
 
 
 def _tell_missing(cells: Cells, own: pd.DataFrame, chosen: list[str]) -> None:

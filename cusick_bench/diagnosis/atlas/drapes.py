@@ -196,5 +196,7 @@ def _with_effect(
 
 
 def _as_later(effect: Effect, setups: list[Setup]) -> list[Setup]:
-    """Setups of the captures that show an effect: the later ones if it acts with time."""
-    return [replace(setup, later=True) for setup in setups] if acts_later(effect) else setups
+    """Setups of the captures that show an effect: the next ones of each face if it acts with time."""
+    if not acts_later(effect):
+        return setups
+    return [replace(setup, later=True, capture=setup.capture + 1) for setup in setups]

@@ -98,7 +98,7 @@ def _draped(
 ) -> Simulated:
     with_causes = []
     for setup in setups:
-        changed = replace(setup, later=later)
+        changed = replace(setup, later=later, capture=setup.capture + int(later))
         for cause in causes:
             hypothesis = cause.hypothesis
             changed = with_cause(changed, hypothesis.effect, cause.value, hypothesis.frame, warp_seen_down)

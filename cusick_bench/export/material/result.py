@@ -8,7 +8,7 @@ from cusick_bench.export.errors import ExportError
 from cusick_bench.export.material.fabric import FabricMaterial
 from cusick_bench.files import read_json_object
 from cusick_bench.garment.cloth import density_of_cell
-from cusick_bench.identify.document import FabricIdentity, IdentifyDocument
+from cusick_bench.identify.document import UNWEIGHED, FabricIdentity, IdentifyDocument
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
 from cusick_bench.runner.labels import labelled, recorded_settings
 from cusick_bench.runner.store import CELL_FILE, RESULT_FILE
@@ -73,7 +73,9 @@ def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricM
 def _of_document(path: Path, fabric: str | None, density: float | None) -> FabricMaterial:
     chosen = _fabric(IdentifyDocument.read(path), fabric, path)
     if chosen.fit is None:
-        raise ExportError(f"{path} has no stiffness of {chosen.fabric}: {chosen.fit_missing or 'no reason recorded'}")
+        why = chosen.fit_missing or "no reason recorded"
+        remedy = "; repeat `cusick-bench identify` with its weight" if why.startswith(UNWEIGHED) else ""
+        raise ExportError(f"{path} has no stiffness of {chosen.fabric}: {why}{remedy}")
     weight = density if chosen.areal_density is None else chosen.areal_density
     if weight is None:
         raise ExportError(f"{path} does not know the areal density of {chosen.fabric}; give it by --density [kg/m2]")

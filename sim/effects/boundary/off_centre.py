@@ -29,7 +29,6 @@ class OffCentre(Effect):
         ),
     )  # fmt: skip
     located = "direction"
-    signed = False
     version = 3  # 3: beside another cut, plate or shift the cloth lies as if all came at once
 
     def _apply(self, setup: Setup, value: Values) -> Setup:

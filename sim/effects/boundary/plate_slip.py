@@ -29,7 +29,6 @@ class PlateSlip(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("slide", "m", 0.0, 0.02, 2e-3, "assumed: as far as a cloth is misplaced", summary="of each laying"),
     )
-    signed = False
     version = 3  # 3: beside another cut, plate or shift the cloth lies as if all came at once
 
     def _apply(self, setup: Setup, value: Values) -> Setup:

@@ -26,7 +26,6 @@ class PlateTilt(Effect):
     )
     located = "direction"
     gradient = "adjoint"
-    signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         from cusick_bench.sim.effects.directions import leaned

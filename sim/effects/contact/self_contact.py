@@ -31,7 +31,6 @@ class SelfContact(Effect):
             summary="distance below which parts of the cloth repel each other",
         ),
     )  # fmt: skip
-    signed = False
     repeatable = False  # a cloth has one thickness: that of the last one would stand
 
     def _apply(self, setup: Setup, value: Values) -> Setup:

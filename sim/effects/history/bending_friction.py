@@ -94,7 +94,6 @@ class BendingFriction(Effect):
             summary="friction couple per bending stiffness, HB / B",
         ),
     )  # fmt: skip
-    signed = False
     repeatable = False  # friction stiffens what it finds, so a second one would multiply the first
 
     def _apply(self, setup: Setup, value: Values) -> Setup:

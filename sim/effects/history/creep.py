@@ -84,7 +84,6 @@ class Creep(Effect):
             summary="share of the bending that has become the rest, and of the moment that is gone if B is constant",
         ),
     )  # fmt: skip
-    signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         return setup.with_added(states=Relaxation(float(value["loss"]))) if setup.later else setup

@@ -91,7 +91,6 @@ class ShearFriction(Effect):
             summary="friction stress per shear stiffness, HG / G",
         ),
     )  # fmt: skip
-    signed = False
     repeatable = False  # friction stiffens what it finds, so a second one would multiply the first
 
     def _apply(self, setup: Setup, value: Values) -> Setup:

@@ -30,7 +30,6 @@ class CameraOffset(Effect):
     )  # fmt: skip
     located = "direction"
     gradient = "adjoint"
-    signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch

@@ -28,7 +28,6 @@ class CameraTilt(Effect):
     )  # fmt: skip
     located = "direction"
     gradient = "adjoint"
-    signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         from cusick_bench.sim.effects.directions import leaned

@@ -29,7 +29,6 @@ class Perspective(Effect):
         ),
     )  # fmt: skip
     gradient = "adjoint"
-    signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch

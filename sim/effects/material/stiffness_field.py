@@ -66,7 +66,6 @@ class StiffnessField(Effect):
         ),
     )  # fmt: skip
     gradient = "adjoint"
-    signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         from cusick_bench.sim.cloth.shape import smooth_field

@@ -21,6 +21,7 @@ from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.residuals.residual import against_base
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis
 from cusick_bench.diagnosis.measure.features import SPREADS, features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.files import BadFile
@@ -168,10 +169,37 @@ def test_random_values_are_within_narrow_bounds() -> None:
     assert all(0.014 <= random_value(Drifting(), generator)["size"] <= 0.016 for _ in range(20))
 
 
-def test_an_effect_of_the_camera_may_act_with_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+class Draught(CameraScale):
+    """What blows from one side, and never sucks."""
+
+    name = "draught"
+    located = "direction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("speed", "1", 0.0, 3.0, 0.5, ""),
+        Parameter("direction", "deg", -360.0, 360.0, 0.0, "", role="direction"),
+    )
+
+
+def test_an_effect_that_is_never_negative_is_drawn_above_zero_and_looked_for_all_around() -> None:
+    generator = np.random.default_rng(0)
+    assert all(random_value(Draught(), generator)["speed"] >= 0.35 for _ in range(40))
+    assert Hypothesis(Draught(), "lab", 1.0).turn == 360
+
+
+class Numbered(Drifting):
+    """It goes by the number of the picture: every second one, the later one of its face."""
+
+    def _apply(self, setup: Setup, value: Values) -> Setup:
+        return super()._apply(setup, value) if setup.capture in (2, 4) else setup
+
+
+@pytest.mark.parametrize("kind", [Drifting, Numbered])
+def test_an_effect_of_the_camera_may_act_with_time(
+    kind: type[Drifting], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     flat = lambda setups, kept: [torch.from_numpy(setup.mesh.flat) for setup in setups]  # noqa: E731
     monkeypatch.setattr(drapes, "drape_setups", flat)
-    monkeypatch.setattr(drapes, "registered", lambda: {"drifting": Drifting()})
+    monkeypatch.setattr(drapes, "registered", lambda: {"drifting": kind()})
     make_points(tmp_path, SMALL, 0, [BASE, "drifting"])
     before, after = (read_point(point_file(tmp_path, 0, name)) for name in (BASE, "drifting"))
     size = NAMES.index("mean_radius")

@@ -310,6 +310,7 @@ def test_pictures_count_by_the_share_of_later_ones(emulator: Emulator, monkeypat
     """Of creep, which acts on later pictures: here as discs that have sunk a tenth of their radius."""
 
     def sunk(setups: Sequence[Setup], simulators: object) -> list[torch.Tensor]:
+        assert [one.capture for one in setups] == ([2, 4] if setups[0].later else [1, 3])
         return [torch.as_tensor(one.mesh.flat * (0.9 if one.later else 1.0)) for one in setups]
 
     monkeypatch.setattr("cusick_bench.diagnosis.simulation.samples.drape_setups", sunk)

@@ -86,6 +86,16 @@ def test_moves_are_one_in_any_order(order):
     assert setup.held == pytest.approx(PLATE_RADIUS - 0.01, rel=1e-12)
 
 
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_a_cause_may_stand_before_the_one_that_makes_room_for_it(order):
+    texts = ["plate-radius:error=0.01", "off-centre:shift=0.025", "cut-size:error=0.01"]
+    setup = apply_all([parse(texts[i]) for i in order], _setup(disc_mesh(150, radius=0.12)))
+    assert np.hypot(*setup.mesh.material[setup.mesh.boundary].T).min() == pytest.approx(0.105, abs=2e-4)
+    assert setup.held == pytest.approx(0.1, rel=1e-12)
+    with pytest.raises(SimulationError, match=r"beyond the plate of radius 0\.1 m"):
+        apply_all([parse(texts[i]) for i in order], _setup(disc_mesh(150, radius=0.11)))
+
+
 def test_a_mesh_that_was_exchanged_is_the_one_that_is_moved():
     moved = parse("off-centre:shift=0.01").apply(_setup())
     other = disc_mesh(200)
@@ -221,3 +231,10 @@ def test_a_cloth_that_leaves_the_plate_is_refused():
     small = disc_mesh(150, radius=0.11)
     with pytest.raises(SimulationError, match=r"reach beyond the plate of radius 0\.09 m.*smaller severity"):
         parse("off-centre:shift=0.025").apply(_setup(small))
+
+
+def test_a_cloth_that_nearly_leaves_the_plate_is_refused_in_the_same_words():
+    """Its rim is a polygon, whose sides come nearer than its corners."""
+    small = disc_mesh(150, radius=0.12)
+    with pytest.raises(SimulationError, match=r"reach beyond the plate of radius 0\.09 m.* as near as 0\.0900"):
+        parse("off-centre:shift=0.03").apply(_setup(small))
