@@ -124,7 +124,7 @@ class DrapeSimulator:
         factor_memory: Most memory for the factors that gradients of a drop keep [bytes]; what does not fit is computed
             again on the way back (about 1.5 times the time; 0 keeps none), and memory then grows with the states only.
         device: Where drapes are computed, and their positions lie: `cpu`, or the name of another device in mode `drop`
-            (see `torch_engine`).
+            (see `torch_engine`); of a `torch.device` its name is kept.
         device_memory: Most memory of a batch on another device [bytes], gradients included; by default most of what
             it has left. A batch that does not fit runs in groups.
     """
@@ -132,14 +132,15 @@ class DrapeSimulator:
     mesh: Mesh
     settings: DrapeSettings = field(default_factory=DrapeSettings)
     factor_memory: int = FACTOR_MEMORY
-    device: str = COMPILED
+    device: str | torch.device = COMPILED
     device_memory: int | None = None
     system: ClothSystem = field(init=False, repr=False)
     unknowns: VertexUnknowns | ShellUnknowns = field(init=False, repr=False)
     engine: TorchEngine | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        s, radius = self.settings, np.hypot(*self.mesh.material.T)
+        s, radius, device = self.settings, np.hypot(*self.mesh.material.T), str(self.device)
+        object.__setattr__(self, "device", device)
         if s.support == "fixed":
             fixed, spring = radius <= s.plate_radius + _EDGE, np.zeros(self.mesh.vertices)
         else:
@@ -150,7 +151,7 @@ class DrapeSimulator:
             raise SimulationError(
                 f"no vertex lies {where} the plate of radius {s.plate_radius} m: nothing holds the cloth"
             )
-        elsewhere = torch_device(self.device) is not None
+        elsewhere = torch_device(device) is not None
         if s.law == "plate":
             system = ShellSystem(self.mesh, s.gravity, fixed, s.plate_radius, s.backend)
             object.__setattr__(self, "unknowns", ShellUnknowns(system))
@@ -158,7 +159,7 @@ class DrapeSimulator:
             system = DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend, s.half_hinges)
             object.__setattr__(self, "unknowns", VertexUnknowns())
         object.__setattr__(self, "system", system)
-        engine = TorchEngine(system, self.unknowns, s, self.device, self.device_memory) if elsewhere else None
+        engine = TorchEngine(system, self.unknowns, s, device, self.device_memory) if elsewhere else None
         object.__setattr__(self, "engine", engine)
 
     @property

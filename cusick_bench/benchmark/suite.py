@@ -215,7 +215,7 @@ def measure_compared(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
         `vertices` and `cases`.
     """
     workload = Workload(vertices, plan.support, plan.law)
-    cases = workload.cases([_COMPARED_BATCH])
+    cases = workload.drapes([_COMPARED_BATCH])
     timed = _timed({name: cases[name] for name in _COMPARED}, vertices, plan, done)
     return {"vertices": workload.mesh.vertices, "cases": {name: timing.summary() for name, timing in timed.items()}}
 

@@ -213,7 +213,18 @@ class Workload:
         return run
 
     def cases(self, batches: list[int]) -> dict[str, Callable[[], object]]:
-        """Whole drapes, by name.
+        """Bare linear algebra and whole drapes, by name.
+
+        Args:
+            batches: Cloths at once, one or more numbers.
+
+        Returns:
+            What to time, by name.
+        """
+        return {f"floor:{name}": self.floor(name) for name in floor_backends()} | self.drapes(batches)
+
+    def drapes(self, batches: list[int]) -> dict[str, Callable[[], object]]:
+        """Whole drapes, by name; none is made yet, so that drops by a law without rests can be chosen.
 
         Args:
             batches: Cloths at once, one or more numbers.
@@ -222,18 +233,14 @@ class Workload:
             What to time, by name.
         """
         seeds = iter(range(1_000_000))
-        found: dict[str, Callable[[], object]] = {f"floor:{name}": self.floor(name) for name in floor_backends()}
-        found |= zip(
-            CASES,
-            (
-                self.drop,
-                self.drop_gradient,
-                lambda: self.drop_gradient(keep=False),
-                lambda: self.warm_gradient(next(seeds)),
-                self.silhouette,
-            ),
-            strict=True,
+        made = (
+            self.drop,
+            self.drop_gradient,
+            lambda: self.drop_gradient(keep=False),
+            lambda: self.warm_gradient(next(seeds)),
+            self.silhouette,
         )
+        found: dict[str, Callable[[], object]] = dict(zip(CASES, made, strict=True))
         for members in batches:
             found[f"batch of {members}"] = lambda members=members: self.batch(members)
             found[f"batch of {members}{LOCKSTEP}"] = lambda members=members: self.batch(members, lockstep=True)

@@ -164,7 +164,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        return float(self.evaluate_batch(np.asarray(tau)[None])[0])
+        return float(self.evaluate_batch(self._row(tau))[0])
 
     def evaluate_as_laid(self, tau: Vector) -> float:
         """As `evaluate`, but the drape starts from the cloth as laid down, whatever was followed before.
@@ -200,7 +200,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape and its adjoint.
             ProblemError: tau is not a finite vector, or the space has no gradients.
         """
-        losses, gradients = self.evaluate_and_gradient_batch(np.asarray(tau)[None])
+        losses, gradients = self.evaluate_and_gradient_batch(self._row(tau))
         return float(losses[0]), gradients[0]
 
     def observe(self, tau: Vector) -> Observation:
@@ -217,7 +217,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        (entry,) = self._metered("drape", np.asarray(tau)[None])
+        (entry,) = self._metered("drape", self._row(tau))
         if entry.evaluation.failure:
             raise DrapeDiverged(entry.evaluation.failure)
         return self._seen(entry)
@@ -249,7 +249,8 @@ class DrapeProblem:
         entries = self._metered("gradient", taus, measure)
         losses = np.array([entry.evaluation.loss for entry in entries])
         nothing = np.zeros(self.dimension)
-        return losses, np.stack([entry.arrays.get("gradient", nothing) for entry in entries])
+        gradients = [entry.arrays.get("gradient", nothing) for entry in entries]
+        return losses, np.reshape(gradients, (len(entries), self.dimension))
 
     def observe_batch(self, taus: Vectors) -> list[Observation | None]:
         """Drapes cloths together and looks at them, as many as the budget allows for; one forward-equivalent each.
@@ -423,9 +424,21 @@ class DrapeProblem:
                 self._branch.keep(entry)
         return entries
 
+    def _row(self, tau: Vector) -> Vectors:
+        """One vector as a batch."""
+        tau = np.asarray(tau)
+        if tau.ndim != 1:
+            raise ProblemError(f"space {self.space.name!r} takes {self.dimension} numbers, got shape {tau.shape}")
+        return tau[None]
+
     def _checked(self, taus: Vectors) -> Vectors:
+        if np.ndim(taus) != 2:
+            raise ProblemError(
+                f"a batch holds a vector of {self.dimension} numbers in each row, got shape {np.shape(taus)}; give one "
+                "vector as vector[None]"
+            )
         taus = np.ascontiguousarray(taus, dtype=np.float64)
-        if taus.ndim != 2 or taus.shape[1] != self.dimension:
+        if taus.shape[1] != self.dimension:
             raise ProblemError(f"space {self.space.name!r} takes {self.dimension} numbers, got shape {taus.shape[1:]}")
         bad = np.argwhere(~np.isfinite(taus))
         if len(bad):

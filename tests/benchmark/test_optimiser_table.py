@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark.optimisers import runs
-from cusick_bench.benchmark.optimisers.functions import BenchmarkError
+from cusick_bench.benchmark.optimisers.functions import BenchmarkError, branin
 from cusick_bench.benchmark.optimisers.runs import PUBLISHED, Finished, Plan, compare, run_numerics
-from cusick_bench.benchmark.optimisers.table import RunFile, markdown_table, table_rows
+from cusick_bench.benchmark.optimisers.table import REMARKS, RunFile, markdown_table, table_rows
 from cusick_bench.cli import app
 
 PLAN = Plan("hartmann6", runs=3, methods=("sobol", "cmaes"))
@@ -93,6 +93,16 @@ class TestTable:
         text = markdown_table(table_rows(runs))
         assert "## branin, D = 100, 50 evaluations (optimum 0.398)" in text
         assert "## hartmann6, D = 100, 200 evaluations (optimum -3.322)" in text
+
+
+def test_what_uniform_points_reach_on_branins_function_is_said_as_it_is():
+    generator = np.random.default_rng(0)
+    ten = np.mean([min(map(branin, generator.random((10, 2)))) for _ in range(4000)])
+    fifty = np.mean([min(map(branin, generator.random((50, 2)))) for _ in range(1000)])
+    said = REMARKS["branin", "sobol"]
+    assert "10 uniform points reach (5.7)" in said
+    assert "50 reach 1.43" in said
+    assert (ten, fifty) == (pytest.approx(5.7, abs=0.25), pytest.approx(1.43, abs=0.1))
 
 
 def test_a_run_counts_once_however_often_it_is_asked_for_or_kept(tmp_path):

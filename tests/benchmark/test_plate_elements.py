@@ -1,13 +1,18 @@
 """Discretisations of a plate side by side: each is what its name says, and the chosen one is right."""
 
 import json
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from cusick_bench.benchmark.convergence.order import observed_order
 from cusick_bench.benchmark.convergence.plate_elements import ELEMENTS, compare_plate_elements
 from cusick_bench.cli import app
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.ring_mesh import ring_mesh
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +46,18 @@ def test_correction_takes_most_of_the_loop_surfaces_error(rows):
     plain = max(abs(ratio - 1) for ratio in ratios(rows, "Loop surface"))
     mended = max(abs(ratio - 1) for ratio in ratios(rows, "corrected Loop surface"))
     assert mended < 0.01 < plain
+
+
+def test_on_rings_the_error_falls_as_the_page_says():
+    meshes = [ring_mesh(size) for size in (297, 480, 1205, 2699)]
+    found = compare_plate_elements(meshes, elements=["corrected Loop surface"])
+    order = observed_order([row.vertices for row in found], [row.ratio - 1 for row in found])
+    assert order is not None
+    assert order.order > 2
+    said = ", ".join(f"{row.ratio:.3f}" for row in found)
+    assert f"on meshes in rings the error falls at least with the square of the spacing: {said}." in " ".join(
+        PAGE.read_text().lower().split()
+    )
 
 
 def test_the_command_lists_them_as_json():

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -130,6 +131,28 @@ class TestEvaluation:
     def test_parameters_must_have_the_right_number(self):
         with pytest.raises(ProblemError, match=r"takes 39 numbers, got shape \(3,\)"):
             toy_problem().evaluate(np.zeros(3))
+
+    @pytest.mark.unchecked_arrays
+    def test_what_is_no_batch_is_told_with_its_shape(self):
+        """A single vector was said to have the shape ()."""
+        problem = toy_problem()
+        for batch in (problem.evaluate_batch, problem.evaluate_and_gradient_batch, problem.observe_batch):
+            with pytest.raises(ProblemError, match=r"39 numbers in each row, got shape \(39,\); .* vector\[None\]"):
+                batch(np.zeros(39))
+            with pytest.raises(ProblemError, match=r"takes 39 numbers, got shape \(3,\)"):
+                batch(np.zeros((2, 3)))
+        for one in (problem.evaluate, problem.evaluate_and_gradient, problem.observe):
+            for tau in (np.zeros((2, 39)), np.zeros(())):
+                with pytest.raises(ProblemError, match=re.escape(f"takes 39 numbers, got shape {tau.shape}")):
+                    one(tau)
+        assert problem.meter.forward == 0
+
+    def test_a_batch_of_no_vectors_has_no_losses_and_no_gradients(self):
+        problem = toy_problem()
+        losses, gradients = problem.evaluate_and_gradient_batch(np.zeros((0, 39)))
+        assert (losses.shape, gradients.shape) == ((0,), (0, 39))
+        assert problem.evaluate_batch(np.zeros((0, 39))).shape == (0,)
+        assert problem.meter.forward_equivalents == 0
 
     def test_failed_drape_is_a_loss_of_infinity_and_paid_for(self, fail_drapes):
         problem = toy_problem()

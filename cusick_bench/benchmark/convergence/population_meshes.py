@@ -61,7 +61,9 @@ class ClothGroup:
         mean: Mean drape coefficient there [points].
         bending: Median of their bending stiffness, the mean of directions and curvatures [N m].
         errors: One a mesh, the finest last.
-        limit: Drape coefficient to which the means tend [points]; None where no order is seen.
+        limit: Drape coefficient to which the means tend [points]; None where no order is seen. Its interval is that of
+            other such cloths, and as wide as these differ.
+        limit_error: The same less the drape coefficient on the finest mesh, paired by cloth [points].
     """
 
     name: str
@@ -71,6 +73,7 @@ class ClothGroup:
     bending: float
     errors: tuple[MeshError, ...]
     limit: Limit | None
+    limit_error: Limit | None
 
 
 def population_meshes(
@@ -157,6 +160,6 @@ def _group(
         for place, size in enumerate(sizes)
     )
     finest = table[:, -1, _COEFFICIENT]
-    limit = extrapolated_limit(sizes, table[:, :, _COEFFICIENT], seed=seed)
+    limits = (extrapolated_limit(sizes, one[:, :, _COEFFICIENT], seed=seed) for one in (table, change))
     extent = float(finest.min()), float(finest.max())
-    return ClothGroup(name, len(table), extent, float(finest.mean()), float(np.median(bending)), errors, limit)
+    return ClothGroup(name, len(table), extent, float(finest.mean()), float(np.median(bending)), errors, *limits)

@@ -75,7 +75,7 @@ def _print(groups: tuple[ClothGroup, ...]) -> None:
 
 
 def _limit(group: ClothGroup) -> str:
-    if group.limit is None:
+    if (limit := group.limit_error) is None:
         return "-"
-    value, (low, high) = group.limit.value - group.mean, (end - group.mean for end in group.limit.value_90)
-    return f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; {group.limit.order:.1f}"
+    low, high = limit.value_90
+    return f"{limit.value:+.1f} [{low:+.1f}, {high:+.1f}]; {limit.order:.1f}"

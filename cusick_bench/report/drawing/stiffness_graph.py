@@ -146,7 +146,7 @@ def _round_numbers(low: float, high: float) -> list[float]:
             break
     if len(ticks) < _FEWEST_TICKS:
         even = MaxNLocator(_MOST_TICKS, steps=(1, 2, 5, 10)).tick_values(low, high)
-        return [tick for tick in even.tolist() if low <= tick <= high]
+        return [float(tick) for tick in even if low <= tick <= high]
     return ticks[:: ceil(len(ticks) / _MOST_TICKS)]
 
 

@@ -11,7 +11,7 @@ import torch
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark.device import DeviceWorkload, drapes_per_second, measure_device
-from cusick_bench.benchmark.suite import Plan, benchmark, measure_beside
+from cusick_bench.benchmark.suite import Plan, benchmark, measure_beside, measure_compared
 from cusick_bench.benchmark.text import markdown
 from cusick_bench.cli import app
 from cusick_bench.cli.common import output
@@ -204,6 +204,17 @@ def test_a_gpu_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(SimulationError, match="one of the 2 GPUs, from cuda:0, got 'cuda:2'"):
         DrapeSimulator(MESH, device="cuda:2")
     assert DrapeSimulator(MESH, device="cuda:1").device == "cuda:1"
+    assert DrapeSimulator(MESH, device=torch.device("cuda", 1)).device == "cuda:1"
+
+
+def test_a_device_of_torch_is_taken_by_its_name():
+    """It ended in an AttributeError."""
+    simulator = DrapeSimulator(MESH, DrapeSettings(steps=2), device=torch.device("cpu"))
+    assert (simulator.device, simulator.engine) == ("cpu", None)
+    assert simulator.drape(_cloths(1, per_element=False)[0]).iterations == 2
+    for nothing in (torch.device("meta"), None, 0):
+        with pytest.raises(SimulationError, match=f"device must be cpu, cpu:torch, .* got '{nothing}'"):
+            DrapeSimulator(MESH, device=nothing)  # pyright: ignore[reportArgumentType]
 
 
 def test_what_only_the_compiled_engine_knows_is_named():
@@ -385,6 +396,12 @@ class TestDeviceBenchmark:
         assert result.exit_code == 2
         assert "name it: --device cuda --device-only" in " ".join(result.stderr.split())
         assert not out.exists()
+
+    def test_drops_by_a_law_without_rests_are_compared(self):
+        """The bare linear algebra, which is not compared, starts from a rest."""
+        plan = Plan(vertices=(80,), rounds=1, law="published", support="springs", device="cpu:torch", device_only=True)
+        found = measure_compared(80, plan, lambda name, share: None)
+        assert found["cases"].keys() == {"drop", "drop+gradient", "batch of 16, lockstep"}
 
     @pytest.mark.parametrize("law", ["paper", "plate"])
     def test_device_drops_by_the_law_of_the_plan(self, law: Law, monkeypatch: pytest.MonkeyPatch):
