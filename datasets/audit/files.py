@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 from cusick_bench.datasets import named
 from cusick_bench.datasets.files.fabrics import FILE, Fabric
 from cusick_bench.datasets.files.layout import Entry, Layout, is_fabric_folder, is_image_folder
+from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.protocol_keys import NOTES
 from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_keys, fabric_values, recognised_cloths
@@ -59,7 +60,7 @@ def check_tables(
         One item for each fault.
     """
     for key in protocol.extra.keys() - {NOTES}:
-        yield Irregularity("protocol.json", "protocol-unknown-key", f"{key} is kept but not used")
+        yield Irregularity(layout.path_of(PROTOCOL), "protocol-unknown-key", f"{key} is kept but not used")
     origin = named.sources(layout.silhouettes, found.hashes)
     recognised = recognised_cloths(layout, found)
     doubtful = doubtful_sides(layout, protocol, found)
@@ -81,10 +82,10 @@ def check_tables(
         return  # a table further up serves other fabrics too
     for key in fabrics:
         if key not in used:
-            yield Irregularity("fabrics.csv", "fabrics-unused", f"{key} is not among the data")
+            yield Irregularity(layout.path_of(FILE), "fabrics-unused", f"{key} is not among the data")
     columns = {column for fabric in fabrics.values() for column in fabric.extra}
     for column in sorted(columns):
-        yield Irregularity("fabrics.csv", "fabrics-unused", f"column {column} is not used")
+        yield Irregularity(layout.path_of(FILE), "fabrics-unused", f"column {column} is not used")
 
 
 def _homes(layout: Layout) -> dict[str, str]:

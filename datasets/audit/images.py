@@ -8,7 +8,7 @@ import numpy as np
 from cusick_bench.datasets.audit.limits import impossible_faults
 from cusick_bench.datasets.files.layout import NAMED_FACES, Layout
 from cusick_bench.datasets.files.measure import ImageMeasure
-from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.protocol import FILE, Protocol
 from cusick_bench.datasets.index import Survey
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.datasets.named import Twin
@@ -45,12 +45,13 @@ def check_images(layout: Layout, protocol: Protocol, found: Survey) -> Iterator[
         first.setdefault(digest, entry.path)
 
 
-def check_frame(found: Survey, protocol: Protocol) -> Iterator[Irregularity]:
+def check_frame(layout: Layout, protocol: Protocol, found: Survey) -> Iterator[Irregularity]:
     """Holds the protocol's centre and scale against the pictures: what most of them share is no slip of one.
 
     Args:
-        found: What `survey` found in the files.
+        layout: Files of the folder.
         protocol: Nominal values of the experiment.
+        found: What `survey` found in the files.
 
     Yields:
         An item for a centre, and one for a scale, that do not suit the pictures.
@@ -66,14 +67,14 @@ def check_frame(found: Survey, protocol: Protocol) -> Iterator[Irregularity]:
     if distance > max(least, 4 * error):
         right = protocol.centre_px + middle
         detail = f"the middles of most silhouettes lie {middle[0]:+.1f} columns, {middle[1]:+.1f} rows off it"
-        yield Irregularity("protocol.json", "protocol-centre", f"{detail}; near [{right[0]:.1f}, {right[1]:.1f}]?")
+        yield Irregularity(layout.path_of(FILE), "protocol-centre", f"{detail}; near [{right[0]:.1f}, {right[1]:.1f}]?")
     reach = float(np.median([image.profile.radii.max() for image in images])) / protocol.cloth_radius_m
     if reach > _TOO_LARGE:
         detail = f"most silhouettes reach {reach:.2f} times the flat cloth's radius"
-        yield Irregularity("protocol.json", "protocol-scale", f"{detail}; the scale may be that much too small")
+        yield Irregularity(layout.path_of(FILE), "protocol-scale", f"{detail}; the scale may be that much too small")
     elif 2 * sum(image.plate.fault == "shrunken-image" for image in images) > len(images):
         detail = "the plate fits into less than half of the silhouettes, wherever it is put"
-        yield Irregularity("protocol.json", "protocol-scale", f"{detail}; the scale may be too large")
+        yield Irregularity(layout.path_of(FILE), "protocol-scale", f"{detail}; the scale may be too large")
 
 
 def _blemishes(path: str, image: ImageMeasure) -> Iterator[Irregularity]:

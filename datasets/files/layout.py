@@ -120,6 +120,20 @@ class Layout:
         """
         return beside(self.root, name)
 
+    def path_of(self, name: str) -> str:
+        """Where a table that belongs to the data lies.
+
+        Args:
+            name: File name of the table, in lower case.
+
+        Returns:
+            Its path, relative to the root where it lies within; its name where there is none.
+        """
+        found = self.beside(name)
+        if found is None:
+            return name
+        return found.relative_to(self.root).as_posix() if found.is_relative_to(self.root) else str(found)
+
 
 def beside(root: Path, name: str) -> Path | None:
     """Finds a table that belongs to the data: in the root, in its `data` folder, or above a data folder, a fabric's, or

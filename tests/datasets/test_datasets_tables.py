@@ -250,6 +250,9 @@ def test_remarks_are_kept(tmp_path):
     (root / "protocol.json").write_text(json.dumps(remarks))
     unknown = [item.detail for item in audit(root).irregularities if item.kind == "protocol-unknown-key"]
     assert unknown == [f"{key} is kept but not used" for key in ("camera", "effect", "sample")]
+    (root / "protocol.json").rename(root / "data" / "protocol.json")
+    places = {item.path for item in audit(root).irregularities if item.kind == "protocol-unknown-key"}
+    assert places == {"data/protocol.json"}
 
 
 def test_the_documented_file_and_table_are_the_protocols(tmp_path):
