@@ -7,10 +7,8 @@ A new solver is one file with a frozen dataclass, whose fields are its options, 
 from __future__ import annotations
 
 import math
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,6 +18,7 @@ from jaxtyping import Bool, Float, Int
 from cusick_bench.files.json_text import json_text
 from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import CusickError
+from cusick_bench.solvers.process_settings import settings_of_work
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
@@ -213,12 +212,9 @@ class Solver(ABC):
                 f"{self.name} works in the space {self.space!r}, and the problem is posed in {problem.space.name!r}; "
                 f"pose it with space={self.space!r}"
             )
-        from threadpoolctl import threadpool_limits
-
         faces = 2 if self.learns_both_faces and len(problem.other_face_images) else 1
         problem.meter.draws = faces * self.drapes_of_prediction
-        # BLAS splits long sums by its number of threads; a fit amplifies the differences in the last digit
-        with threadpool_limits(limits=1, user_api="blas"), redirect_stdout(sys.stderr):
+        with settings_of_work(), problem.meter.running():
             answer = self._solve(problem, generator, progress)
         if not isinstance(answer, Prediction):
             raise SolverError(f"{self.name} must answer with a Prediction, got {answer!r:.60}")

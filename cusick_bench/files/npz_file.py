@@ -3,7 +3,6 @@
 import lzma
 import math
 import tokenize
-import warnings
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from numpy import ndarray
 
 from cusick_bench.files.errors import BadFile
 from cusick_bench.files.regular_file import require_regular, size
+from cusick_bench.files.silence import without_warnings
 
 _MOST_BYTES = 1 << 30  # of all arrays; a thousand draws have 65 MB
 _MOST_ARRAYS = 4096
@@ -41,8 +41,7 @@ def read_npz(
     """
     require_regular(path, most_bytes=most_bytes, remedy=remedy)
     try:
-        with zipfile.ZipFile(path) as archive, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numpy's remarks on odd headers
+        with zipfile.ZipFile(path) as archive, without_warnings():  # numpy's remarks on odd headers
             names = archive.namelist()
             if len(names) > _MOST_ARRAYS or len(set(names)) < len(names):
                 raise BadFile(path, f"must hold at most {_MOST_ARRAYS} arrays, none twice, got {len(names)}", remedy)

@@ -1,7 +1,6 @@
 """Reads photographs safely: Pillow reads the header and turns the picture to the orientation that it states."""
 
 import math
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from jaxtyping import Float, Shaped, UInt8
 from numpy import ndarray
 from PIL import ExifTags, Image, ImageOps
 
+from cusick_bench.files.silence import without_warnings
 from cusick_bench.photographs.errors import BadPhotograph
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
@@ -60,20 +60,18 @@ def read_photograph(path: Path) -> Photograph:
         BadPhotograph: Missing, unreadable, of more than 8 bits a pixel, too small or too large.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with Image.open(path, formats=_FORMATS) as image:
-                if image.width * image.height > _MOST_PIXELS:
-                    raise _bad(path, f"has {image.width} x {image.height} px, at most {_MOST_PIXELS // 10**6} million")
-                if min(image.size) < _LEAST_SIDE:
-                    raise _bad(path, f"has {image.width} x {image.height} px, at least {_LEAST_SIDE} a side are needed")
-                if image.mode.startswith(_DEEP):  # which Pillow would cut off at 255
-                    raise BadPhotograph(
-                        "has more than 8 bits a pixel", where=path, remedy="save it with 8 bits a channel",
-                        kind="unreadable-photograph",
-                    )  # fmt: skip
-                focal, turn = _focal(image), _turn(image)
-                upright = ImageOps.exif_transpose(image).convert("RGB")
+        with without_warnings(), Image.open(path, formats=_FORMATS) as image:
+            if image.width * image.height > _MOST_PIXELS:
+                raise _bad(path, f"has {image.width} x {image.height} px, at most {_MOST_PIXELS // 10**6} million")
+            if min(image.size) < _LEAST_SIDE:
+                raise _bad(path, f"has {image.width} x {image.height} px, at least {_LEAST_SIDE} a side are needed")
+            if image.mode.startswith(_DEEP):  # which Pillow would cut off at 255
+                raise BadPhotograph(
+                    "has more than 8 bits a pixel", where=path, remedy="save it with 8 bits a channel",
+                    kind="unreadable-photograph",
+                )  # fmt: skip
+            focal, turn = _focal(image), _turn(image)
+            upright = ImageOps.exif_transpose(image).convert("RGB")
     except (BadPhotograph, MemoryError):
         raise
     except PermissionError as error:

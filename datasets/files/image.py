@@ -5,7 +5,6 @@ of some hundred bytes may claim enough pixels to fill the memory. For the 450 JP
 the same pixels.
 """
 
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from PIL import ExifTags, Image
 
 from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
+from cusick_bench.files.silence import without_warnings
 from cusick_bench.sim.constants import IMAGE_SIZE
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
@@ -120,14 +120,12 @@ def _content(path: Path, size: int, replace: str) -> bytes:
     length = path.stat().st_size
     if length > _MAXIMUM_BYTES:
         raise _bad(path, "image-too-large", f"has {length} bytes; at most {_MAXIMUM_BYTES} are read", "save it as PNG")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with Image.open(path, formats=_FORMATS) as image:
-            width, height = image.size
-            mode, transparent = image.mode, "A" in image.getbands() or "transparency" in image.info
-            form = str(image.format)
-            pictures = int(getattr(image, "n_frames", 1)) if form in ("PNG", "TIFF") else 1
-            turn = image.getexif().get(ExifTags.Base.Orientation, 1) if form == "TIFF" else 1  # OpenCV turns TIFF alone
+    with without_warnings(), Image.open(path, formats=_FORMATS) as image:
+        width, height = image.size
+        mode, transparent = image.mode, "A" in image.getbands() or "transparency" in image.info
+        form = str(image.format)
+        pictures = int(getattr(image, "n_frames", 1)) if form in ("PNG", "TIFF") else 1
+        turn = image.getexif().get(ExifTags.Base.Orientation, 1) if form == "TIFF" else 1  # OpenCV turns TIFF alone
     if width * height > _MAXIMUM_PIXELS:
         raise _bad(path, "image-too-large", f"{width} x {height} pixels are no silhouette", replace)
     if pictures > 1:

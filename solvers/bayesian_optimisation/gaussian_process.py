@@ -24,7 +24,6 @@ References:
 """
 
 import math
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -36,6 +35,7 @@ from jaxtyping import Float
 from scipy.optimize import Bounds, minimize
 from torch import Tensor
 
+from cusick_bench.files.silence import without_warnings
 from cusick_bench.solvers.black_box.box import digestible
 
 Covariance = Literal["scaled", "local"]
@@ -78,6 +78,8 @@ class Surrogate:
 def local_torch(seed: int) -> Iterator[None]:
     """Torch with its own seed, on one thread, exact linear algebra, and without BoTorch's warnings; all put back.
 
+    Threads wait for each other.
+
     Args:
         seed: Seed of torch's generator within.
 
@@ -86,10 +88,13 @@ def local_torch(seed: int) -> Iterator[None]:
     """
     from gpytorch.settings import fast_computations, max_cholesky_size
 
-    threads = torch.get_num_threads()
-    exact = (max_cholesky_size(10**6), fast_computations(False, False, False))
-    with torch.random.fork_rng(devices=[]), warnings.catch_warnings(), exact[0], exact[1]:
-        warnings.simplefilter("ignore")
+    with (
+        without_warnings(),  # one thread at a time, for all of this is the process's
+        torch.random.fork_rng(devices=[]),
+        max_cholesky_size(10**6),
+        fast_computations(False, False, False),
+    ):
+        threads = torch.get_num_threads()
         torch.manual_seed(seed)
         torch.set_num_threads(1)
         try:

@@ -1,6 +1,9 @@
 """Damaged, odd and hostile images: a clear error that says what, where and what to do."""
 
 import pickle
+import threading
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -96,6 +99,33 @@ def test_transparency_that_would_be_lost_is_refused(tmp_path):
         image.save(tmp_path / f"{mode}.tif")
         with pytest.raises(BadImage, match=f"TIFF of mode {mode} with transparency.* save it as a grey or RGB image"):
             read_silhouette(tmp_path / f"{mode}.tif")
+
+
+def test_images_that_threads_read_leave_the_warnings_of_the_process_as_they_were(tmp_path, monkeypatch):
+    """The second began before the first ended, took its silence for the process's and put that back."""
+    write_image(tmp_path / "drape.png", DRAPE)
+    first, second, done = (threading.Event() for _ in range(3))
+    opened = Image.open
+
+    def slowly(*words, **named):
+        if first.is_set():
+            second.set()
+            done.wait(60)
+        else:
+            first.set()
+            second.wait(0.5)  # in vain where the second waits for its turn
+        return opened(*words, **named)
+
+    monkeypatch.setattr(Image, "open", slowly)
+    with warnings.catch_warnings(), ThreadPoolExecutor(2) as pool:
+        filters = list(warnings.filters)
+        earlier = pool.submit(read_silhouette, tmp_path / "drape.png")
+        assert first.wait(60)
+        later = pool.submit(read_silhouette, tmp_path / "drape.png")
+        earlier.result()
+        done.set()
+        later.result()
+        assert warnings.filters == filters
 
 
 def test_pixels_are_read_as_they_are_stored(tmp_path):

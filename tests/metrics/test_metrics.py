@@ -97,6 +97,15 @@ def test_images_of_other_size_or_with_nan_are_refused():
         mse(np.full((4, 4), np.nan), np.zeros((4, 4)))
 
 
+@pytest.mark.parametrize("compare", [mse, iou])
+def test_levels_that_are_no_bytes_are_refused_and_not_taken_for_coverage(compare):
+    levels = np.round(255 * disc())
+    for wrong in (levels, levels.astype(int), -disc()):
+        with pytest.raises(MetricError, match=r"in \[0, 1\] .*; divide levels by"):
+            compare(disc(), wrong)
+    assert compare(disc(), levels.astype(np.uint8)) == pytest.approx(compare(disc(), disc()), abs=1e-5)
+
+
 # -- surfaces
 
 

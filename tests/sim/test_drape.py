@@ -1,6 +1,8 @@
 """The simulator's entry point: materials, random shapes, settings, and what happens when a drape cannot be had."""
 
+import copy
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from scipy.interpolate import LinearNDInterpolator
 
 from cusick_bench.sim.cloth.material import Material, project_admissible, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, smooth_field
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import Drape, DrapeSimulator
@@ -338,6 +341,14 @@ def test_springs_need_a_vertex_within_the_plates_edge():
 def test_the_same_drape_twice_is_bitwise_the_same():
     first, second = (DrapeSimulator(MESH, DrapeSettings(steps=20)).drape(_material()).vertices for _ in range(2))
     assert torch.equal(first, second)
+
+
+@pytest.mark.parametrize("law", ["plate", "paper"])
+def test_a_simulator_that_has_draped_can_be_copied_and_sent_to_another_process(law: str):
+    simulator = DrapeSimulator(cloth_mesh(law, 80), DrapeSettings(law=law, steps=2))  # pyright: ignore[reportArgumentType]
+    drape = simulator.drape(_material()).vertices
+    for other in (pickle.loads(pickle.dumps(simulator)), copy.deepcopy(simulator)):
+        assert torch.equal(other.drape(_material()).vertices, drape)
 
 
 def test_cloth_on_the_edge_of_the_plate_is_held():

@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import threading
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -138,6 +140,29 @@ class TestProcess:
             assert gaussian_process.most_promising(surrogate)[0] == pytest.approx(0.66, abs=0.03)
             offered = np.array([[0.1], [0.65], [0.9]])
             assert gaussian_process.thompson(surrogate, offered)[0] == 0.65
+
+    def test_threads_take_turns_with_torchs_settings_and_put_them_back(self):
+        """The other thread drew from this one's seed, and left its seed and its silence to the process."""
+        drawn, inside = [], threading.Event()
+
+        def other():
+            with gaussian_process.local_torch(1):
+                inside.set()
+                drawn.append(torch.rand(1).item())
+                ended.wait(60)
+
+        ended, thread = threading.Event(), threading.Thread(target=other)
+        state, filters = torch.random.get_rng_state(), list(warnings.filters)
+        with gaussian_process.local_torch(0):
+            thread.start()
+            inside.wait(0.5)
+            drawn.append(torch.rand(1).item())
+        ended.set()
+        thread.join()
+        alone = [torch.rand(1, generator=torch.Generator().manual_seed(seed)).item() for seed in (0, 1)]
+        assert drawn == alone
+        assert torch.equal(torch.random.get_rng_state(), state)
+        assert warnings.filters == filters
 
     def test_a_warm_fit_agrees_with_a_fresh_one(self):
         generator = np.random.default_rng(8)

@@ -1,6 +1,10 @@
 """The contract that every registered solver keeps, and what its prediction must be."""
 
 import math
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -86,6 +90,37 @@ class TestContract:
                 assert before.items() <= _blas_threads().items()  # more of them where it is the first to load a library
         assert found[0] == found[1]
         assert found[1]["threads"] == [1] * len(found[1]["threads"])
+
+    @pytest.mark.threads
+    def test_solvers_in_other_threads_share_the_settings_of_the_process_and_put_them_back(self, monkeypatch):
+        """The later one found the settings of the earlier one and put those back; in no thread had BLAS one thread."""
+        monkeypatch.setattr(sys, "stdout", sys.stdout)  # put back where the test fails
+        begun, both, ended = (threading.Event() for _ in range(3))
+
+        def earlier(fit):
+            begun.set()
+            assert both.wait(60)
+            return fit
+
+        def later(fit):
+            both.set()
+            assert ended.wait(60)
+            return replace(fit, notes={"threads": [*_blas_threads().values()], "quiet": sys.stdout is sys.stderr})
+
+        def solve(answer):
+            return Answering(answer).solve(toy_problem(), np.random.default_rng(0))
+
+        with threadpool_limits(limits=2, user_api="blas"), ThreadPoolExecutor(2) as pool:
+            solve(lambda fit: fit)  # libraries are loaded now
+            before, output = _blas_threads(), sys.stdout
+            first = pool.submit(solve, earlier)
+            assert begun.wait(60)
+            second = pool.submit(solve, later)
+            first.result()
+            ended.set()
+            notes = second.result().notes
+            assert (_blas_threads(), sys.stdout) == (before, output)
+        assert notes == {"threads": [1] * len(before), "quiet": True}
 
     @pytest.mark.parametrize("name", SOLVERS)
     def test_its_drape_is_that_of_its_parameters(self, name):
@@ -203,6 +238,25 @@ class TestPrediction:
         assert answer.tau.dtype == np.float64
         found, _ = find_stiffness(Answering(), problem, answer)
         assert found is not None
+
+    def test_its_time_begins_with_it_and_not_with_the_problem(self, monkeypatch):
+        """Problems that are posed together are solved one after the other; pauses between two answers cost nothing."""
+        clock = [0.0]
+        monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+        problem = toy_problem(budget=Budget(seconds=60))
+        problem.meter._clock_zero = clock[0]
+
+        def working(fit):
+            began = problem.meter.wall_seconds
+            clock[0] += 10
+            problem.evaluate(np.zeros(39))
+            return replace(fit, notes={"began": began})
+
+        found = []
+        for _ in range(2):
+            clock[0] += 3600
+            found.append(Answering(working).solve(problem, np.random.default_rng(0)).notes["began"])
+        assert found == [0, 10]
 
     def test_what_a_solver_prints_is_no_result(self, capfd):
         problem = toy_problem()

@@ -25,6 +25,7 @@ from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.metrics.errors import MetricError
 
 _CHUNK = 128  # images held in float64 at a time: 64 MiB
+_ROUNDING = 1e-3  # by which coverage may leave [0, 1], as sums in short floats do
 
 
 def mse(image: ArrayLike, target: ArrayLike, protocol: Protocol = RELEASE) -> float:
@@ -40,7 +41,7 @@ def mse(image: ArrayLike, target: ArrayLike, protocol: Protocol = RELEASE) -> fl
         covers the flat cloth's disc in one image and nothing in the other.
 
     Raises:
-        MetricError: The images differ in size, have no pixels, or hold values that are not finite.
+        MetricError: The images differ in size, have no pixels, or hold values beyond [0, 1].
     """
     return float(mse_pairs(image_array(image)[None], image_array(target)[None], protocol)[0, 0])
 
@@ -56,7 +57,7 @@ def iou(image: ArrayLike, target: ArrayLike) -> float:
         The share, 0 to 1.
 
     Raises:
-        MetricError: The images differ in size, have no pixels, or hold values that are not finite.
+        MetricError: The images differ in size, have no pixels, or hold values beyond [0, 1].
     """
     return float(iou_pairs(image_array(image)[None], image_array(target)[None])[0, 0])
 
@@ -73,7 +74,7 @@ def mse_pairs(images: ArrayLike, targets: ArrayLike, protocol: Protocol = RELEAS
         One row an image, one column a target.
 
     Raises:
-        MetricError: The sizes differ, images have no pixels, or values are not finite.
+        MetricError: The sizes differ, images have no pixels, or values lie beyond [0, 1].
     """
 
     def compare(first: ndarray, second: ndarray) -> ndarray:
@@ -98,7 +99,7 @@ def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
         One row an image, one column a target.
 
     Raises:
-        MetricError: The sizes differ, images have no pixels, or values are not finite.
+        MetricError: The sizes differ, images have no pixels, or values lie beyond [0, 1].
     """
 
     def compare(first: ndarray, second: ndarray) -> ndarray:
@@ -151,4 +152,9 @@ def _coverage(stack: ndarray) -> ndarray:
         flat /= 255
     if not np.isfinite(flat).all():
         raise MetricError("a silhouette holds values that are not finite; the drape behind it has probably diverged")
+    if flat.size and not (flat.min() >= -_ROUNDING and flat.max() <= 1 + _ROUNDING):
+        raise MetricError(
+            f"a silhouette must hold values in [0, 1] (cloth = 1), got {flat.min():g} to {flat.max():g}; divide levels "
+            "by the largest that they can have; only bytes are read as 0 to 255"
+        )
     return flat

@@ -93,6 +93,7 @@ class Meter:
     draws: int = 0
     _reserved: float = 0.0
     _owed: float = 0.0
+    _running: bool = False
     _clock_zero: float = field(default_factory=time.perf_counter)
 
     @property
@@ -132,7 +133,7 @@ class Meter:
 
     @property
     def wall_seconds(self) -> float:
-        """Time since the solver began [s], without the pause between a kill and its resumption."""
+        """Time since the solver began [s], without pauses between solvers or between a kill and its resumption."""
         return time.perf_counter() - self._clock_zero
 
     @property
@@ -153,6 +154,21 @@ class Meter:
     def drawn(self) -> int:
         """Drapes of the prediction so far, which end the trace."""
         return sum(1 for _ in takewhile(lambda evaluation: evaluation.kind == "draw", reversed(self.trace)))
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Lets the clock begin with the solver, or go on where the last evaluation left it, however old the problem is.
+
+        Yields:
+            Nothing; a solver that another one calls begins no time of its own.
+        """
+        called, self._running = self._running, True
+        if not called:
+            self._clock_zero = time.perf_counter() - (self.trace[-1].wall_seconds if self.trace else 0.0)
+        try:
+            yield
+        finally:
+            self._running = called
 
     @contextmanager
     def reserve(self, drapes: float) -> Iterator[None]:

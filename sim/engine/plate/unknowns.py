@@ -4,6 +4,7 @@ Each has its transpose for gradients."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -54,6 +55,10 @@ class ShellUnknowns:
     """
 
     system: ShellSystem
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The system alone, for copies and other processes, where matrices are factorised again."""
+        return {"system": self.system}
 
     @cached_property
     def _stretch(self) -> csr_array:
