@@ -2,10 +2,21 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
 
 
 class CusickError(Exception):
     """Base of every error that bad input can cause; the command line prints it and exits with status 2."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as it is, as what workers raise is: Python would call the class again, with the message alone."""
+        return _as_it_was, (type(self), self.args, vars(self))
+
+
+def _as_it_was(kind: type[CusickError], args: tuple[Any, ...], state: dict[str, Any]) -> CusickError:
+    error = kind.__new__(kind, *args)
+    vars(error).update(state)
+    return error
 
 
 class SimulationError(CusickError, ValueError):

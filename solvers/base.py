@@ -151,6 +151,11 @@ class Solver(ABC):
         return 0
 
     @property
+    def draws_asked_for(self) -> int:
+        """Number of draws, for each face, that `predictive_draws` makes up for where some fail; 0 by another rule."""
+        return 0
+
+    @property
     def drapes_of_design(self) -> int:
         """Number of drapes before its first model, whose libraries a warm-up imports; 0 of one without a model."""
         return 0

@@ -36,7 +36,7 @@ from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.options import ONE_SAMPLE, Options
 from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
-from cusick_bench.sim.effects.acting import acts_later
+from cusick_bench.sim.effects.effect_timing import acts_later
 from cusick_bench.sim.setup import Simulators
 
 _SEED = 20

@@ -1,6 +1,5 @@
 """Arrays of an .npz file that others wrote: their headers are read before memory is asked for."""
 
-import lzma
 import math
 import tokenize
 import zipfile
@@ -67,9 +66,18 @@ def read_npz(
         tokenize.TokenError,
         zipfile.BadZipFile,
         zlib.error,
-        lzma.LZMAError,
+        *_lzma_errors(),
     ) as error:
         raise BadFile(path, f"cannot be read as an .npz file ({error})", remedy) from error
+
+
+def _lzma_errors() -> tuple[type[Exception], ...]:
+    """What its decompressor raises; none where Python was built without it, whose zipfile refuses such arrays."""
+    try:
+        import lzma
+    except ImportError:
+        return ()
+    return (lzma.LZMAError,)
 
 
 def _promised(archive: zipfile.ZipFile, name: str, path: Path, remedy: str) -> int:

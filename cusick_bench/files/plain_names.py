@@ -1,7 +1,15 @@
-"""Names of files and folders that stand for things with names of their own, such as a data set's cloths."""
+"""Names of files and folders that stand for things with names of their own, such as a data set's cloths.
 
+And of files that are being written: each process has its own, so that none writes into another one's.
+"""
+
+import os
+import platform
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+_OF_MACHINE = re.compile(r"@[^@]*\.part")  # how the name of a part ends that says which machine writes it
 
 
 def plain_names(names: Iterable[str], *, trimmed: bool = False) -> dict[str, str]:
@@ -27,3 +35,34 @@ def plain_names(names: Iterable[str], *, trimmed: bool = False) -> dict[str, str
                 free = f"{file}_{number}"
             found[name] = free
     return found
+
+
+def part_of(path: Path) -> Path:
+    """The file in which this process writes what another one is to hold; it is then renamed to that.
+
+    Args:
+        path: The file that is to appear whole.
+
+    Returns:
+        A file beside it, whose name has the number of this process and the name of this machine.
+    """
+    return path.with_name(f"{path.name}.{os.getpid()}{_end_here()}")
+
+
+def parts_left(folder: Path) -> Iterator[Path]:
+    """Files that were left half written, in a folder into which no other process of this machine writes.
+
+    Args:
+        folder: The folder.
+
+    Yields:
+        Every part but those of other machines, which may be writing: locks need not hold across machines.
+    """
+    for path in folder.glob("*.part"):
+        end = _OF_MACHINE.search(path.name)
+        if end is None or end[0] == _end_here():
+            yield path
+
+
+def _end_here() -> str:
+    return f"@{re.sub(r'[^0-9A-Za-z-]', '_', platform.node())}.part"

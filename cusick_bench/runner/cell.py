@@ -19,6 +19,7 @@ from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
 from cusick_bench.datasets.truth import true_tables
 from cusick_bench.files import read_json_object, read_npz
+from cusick_bench.files.plain_names import part_of
 from cusick_bench.metrics.found_stiffness import find_stiffness, stiffness_document
 from cusick_bench.metrics.prediction_score import score, to_levels
 from cusick_bench.metrics.stiffness import ClothStiffness, cloth_stiffness
@@ -357,7 +358,7 @@ def _write_prediction(
         arrays |= {name: getattr(material, name).numpy() for name in ("stretch", "bending", "density")}
     if bending_draws is not None:
         arrays["bending_draws"] = bending_draws  # [N m], in the order of `metrics.stiffness.BENDING`
-    part = path.with_name(path.name + ".part")
+    part = part_of(path)
     with part.open("wb") as file:
         np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]
         file.flush()

@@ -22,7 +22,7 @@ from cusick_bench.runner.labels import labelled, unspaced
 from cusick_bench.runner.numerics import cell_numerics, sought_at_rest
 from cusick_bench.runner.samples import place_in_order, seen_of_samples
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
-from cusick_bench.sim.effects.acting import acts_later
+from cusick_bench.sim.effects.effect_timing import acts_later
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
@@ -320,7 +320,7 @@ def _idle(dataset: DrapeDataset, split: Split, own: ProblemSettings) -> list[str
     """Names of the effects that leave the picture that is fitted as it is, since no earlier one lies before it."""
     if not own.causes or place_in_order(dataset, split.train[0])[1]:
         return []
-    return [cause.effect.name for cause in parse_causes(own.causes) if acts_later(cause.effect)]
+    return [cause.effect.name for cause in parse_causes(own.causes) if acts_later(cause.effect, own.drape)]
 
 
 def _made(solvers: Iterable[str]) -> dict[str, Solver]:

@@ -5,11 +5,13 @@ the environment only while a process is started: a permanent setting would slow 
 within a worker would come too late for a library that is already loaded.
 """
 
+import logging
 import multiprocessing
 import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, redirect_stdout
@@ -25,6 +27,7 @@ from threadpoolctl import threadpool_limits
 from cusick_bench.sim.threads import thread_pool
 
 ORPHANED = 70  # exit status of a worker whose parent has ended
+_PACKAGE = "cusick_bench"  # its name, and that of its logger
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
@@ -123,6 +126,7 @@ class _Process(SpawnProcess):
     def __init__(self, threads: int, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._threads = threads
+        self._levels = _levels()
 
     def start(self) -> None:
         with threads_of_new_processes(self._threads), _interrupts_blocked():
@@ -131,11 +135,41 @@ class _Process(SpawnProcess):
     def run(self) -> None:
         """In the new process: works until the process that started it ends, however that ends.
 
-        What is printed goes to standard error, for standard output is that of the parent's results.
+        What is printed goes to standard error, for standard output is that of the parent's results. Messages are shown
+        from the parent's levels on.
         """
         threading.Thread(target=_end_with_parent, name="end-with-parent", daemon=True).start()
+        _show_from(*self._levels)
         with redirect_stdout(sys.stderr):
             super().run()
+
+
+class _Line(logging.Formatter):
+    """A message as the command line shows it."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = record.getMessage()
+        return f"{record.levelname.lower()}: {text}" if record.levelno >= logging.WARNING else text
+
+
+def _levels() -> tuple[int, int]:
+    """The levels from which on messages of the package, and those of libraries, are shown in this process."""
+    last = logging.lastResort
+    return logging.getLogger(_PACKAGE).level, logging.WARNING if last is None else last.level
+
+
+def _show_from(own: int, libraries: int) -> None:
+    """Shows in a new process what the one that started it does: `-q` and `-v` were given to that one alone."""
+    logger, handler = logging.getLogger(_PACKAGE), logging.StreamHandler()
+    handler.setFormatter(_Line())
+    logger.addHandler(handler)
+    logger.setLevel(own)
+    if logging.lastResort is not None:
+        logging.lastResort.setLevel(libraries)
+    if libraries > logging.WARNING:  # a command without `-v`
+        warnings.simplefilter("ignore")
+        if own < logging.ERROR:
+            warnings.filterwarnings("default", module=_PACKAGE)
 
 
 def _end_with_parent() -> None:

@@ -24,6 +24,7 @@ from typing import Any
 
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.files.json_text import json_text
+from cusick_bench.files.plain_names import part_of, parts_left
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
 
 try:
@@ -86,8 +87,8 @@ def disk_errors(out: Path) -> Iterator[None]:
         ) from error
 
 
-def _lock(file: int, operation: int) -> None:
-    """Locks an open file; where its file system has no locks, it is written without, as on Windows."""
+def _lock(file: int, operation: int) -> bool:
+    """Locks an open file; False where its file system has no locks, and it is written without, as on Windows."""
     assert fcntl is not None
     try:
         fcntl.flock(file, operation)
@@ -95,6 +96,8 @@ def _lock(file: int, operation: int) -> None:
         if error.errno not in _NO_LOCKS:
             raise
         _log.debug("no locks here (%s): runners of one cell do not notice each other", error.strerror)
+        return False
+    return True
 
 
 @contextmanager
@@ -125,7 +128,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         path: File.
         content: All of it.
     """
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")  # two runners may write into one folder
+    part = part_of(path)  # two runners may write into one folder
     try:
         with part.open("wb") as file:
             file.write(content)
@@ -317,12 +320,13 @@ class Store:
         folder = self.folder(key)
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "lock").open("a") as lock:
+            alone = True
             if fcntl is not None:
                 try:
-                    _lock(lock.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    alone = _lock(lock.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError as error:
                     raise CellIsRunning(f"another process is running {folder}; wait for it or stop it") from error
-            for part in folder.glob("*.part"):
+            for part in parts_left(folder) if alone else ():
                 part.unlink()
             if fault := self.fault(key):
                 _log.warning("%s; the cell is run again", fault)

@@ -101,6 +101,10 @@ class Bdp(Solver):
     def drapes_of_prediction(self) -> int:
         return self.draws
 
+    @property
+    def draws_asked_for(self) -> int:
+        return self.draws
+
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         if problem.loss != "mse":
             raise SolverError(f"bdp's likelihood is Gaussian in the pixels: use loss=mse, not {problem.loss}")

@@ -105,6 +105,10 @@ class BdpField(Solver):
     def drapes_of_prediction(self) -> int:
         return self.draws
 
+    @property
+    def draws_asked_for(self) -> int:
+        return self.draws
+
     def samples_used(self, given: int) -> int:
         """As many as `samples` says."""
         return min(given, self.samples or given)

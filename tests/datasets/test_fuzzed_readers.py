@@ -7,6 +7,8 @@ import gzip
 import io
 import json
 import os
+import runpy
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +26,7 @@ from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.plate_drapes import read_plate_drapes
 from cusick_bench.datasets.files.protocol import read_protocol
-from cusick_bench.files import BadFile, read_json_object, read_npz
+from cusick_bench.files import BadFile, npz_file, read_json_object, read_npz
 from cusick_bench.photographs.reading import read_photograph
 from cusick_bench.sim.errors import CusickError
 
@@ -205,3 +207,14 @@ def test_an_npz_whose_arrays_cannot_be_understood_is_refused(tmp_path: Path, con
     path.write_bytes(content)
     with pytest.raises(BadFile, match=r"cannot be read as an \.npz file"):
         read_npz(path, remedy="mend it")
+
+
+def test_a_python_without_lzma_reads_npz_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Every command ended in `No module named '_lzma'`: such a Python is built where the library's headers lack."""
+    monkeypatch.setitem(sys.modules, "lzma", None)
+    read, path = runpy.run_path(str(npz_file.__file__))["read_npz"], tmp_path / "file.npz"
+    path.write_bytes(_packed(HEADER))
+    assert read(path, remedy="mend it")["a"].shape == (8192,)
+    path.write_bytes(_packed(HEADER.replace(b"}", b" ")))
+    with pytest.raises(BadFile, match=r"cannot be read as an \.npz file"):
+        read(path, remedy="mend it")

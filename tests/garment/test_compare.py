@@ -11,6 +11,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.cli.simulate.garment import _cells_of
 from cusick_bench.garment import GarmentError, WaistMotion, cloth_of_numbers
 from cusick_bench.garment.page import write_page
 from cusick_bench.garment.side_by_side import save_side_by_side
@@ -51,6 +52,18 @@ def run(tmp_path: Path) -> Path:
         _cell(tmp_path / "run", "homo", cloth, bending)
         _cell(tmp_path / "run", "null:disc", cloth, None)
     return tmp_path / "run"
+
+
+def _identified(out: Path) -> None:
+    """The document of an identification that states the fits by `homo`."""
+    drapes, made = Drapes(samples=1, silhouettes=1, units=1), Made(command="", version="")
+    paths = {cloth: f"run/cells/homo-{cloth}-0" for cloth in BENDING}
+    fabrics = [FabricIdentity(fabric=cloth, drapes=drapes, fit=made_up_fit(path)) for cloth, path in paths.items()]
+    document = IdentifyDocument(
+        folder="lab", data="lab", dataset_hash="def", cloth_radius_m=0.15, plate_radius_m=0.09, fabrics=tuple(fabrics),
+        made=made,
+    )  # fmt: skip
+    document.write(out / "identify.json")
 
 
 def _drapes(page: Path) -> list[dict]:
@@ -150,19 +163,23 @@ def test_the_run_of_an_identification_shows_the_fits_that_its_document_states(tm
     _cell(run, "homo", "stiff", 1e-5, 1)  # with an earlier weight
     _cell(run, "homo", "stiff", 1e-3, dataset_hash="def", protocol="typical-forced")
     assert "fits that cannot be compared" in " ".join(_compare(str(run), *STILL).output.split())
-    drapes, made = Drapes(samples=1, silhouettes=1, units=1), Made(command="", version="")
-    paths = {cloth: f"run/cells/homo-{cloth}-0" for cloth in BENDING}
-    fabrics = [FabricIdentity(fabric=cloth, drapes=drapes, fit=made_up_fit(path)) for cloth, path in paths.items()]
-    document = IdentifyDocument(
-        folder="lab", data="lab", dataset_hash="def", cloth_radius_m=0.15, plate_radius_m=0.09, fabrics=tuple(fabrics),
-        made=made,
-    )  # fmt: skip
-    document.write(tmp_path / "identify.json")
+    _identified(tmp_path)
     result = _compare(str(run), *STILL, "--json")
     assert result.exit_code == 0, result.output
     limp, stiff = json.loads(result.stdout)["cloths"]
     assert [limp["cloth"], stiff["cloth"]] == ["limp", "stiff"]
     assert limp["hem_radius_m"] < 0.8 * stiff["hem_radius_m"], "not the softer fit with the earlier weight"
+
+
+def test_fits_of_an_earlier_solver_in_the_run_of_an_identification_can_be_asked_for(run: Path):
+    """They were said not to be there."""
+    for cloth in BENDING:
+        _cell(run, "bdp", cloth, 1e-5)
+    _identified(run.parent)
+    assert set(_cells_of(run, [])) == set(BENDING), "without a name those that the document states"
+    assert set(_cells_of(run, ["bdp"])) == set(BENDING)
+    both = _cells_of(run, ["homo", "bdp"])
+    assert list(both) == ["limp of bdp", "limp of homo", "stiff of bdp", "stiff of homo"]
 
 
 def test_a_cell_that_was_edited_is_left_out_with_a_note(run: Path):

@@ -200,6 +200,15 @@ def test_rows_of_one_solver_are_counted_as_methods(tmp_path):
     assert "2 methods on 1 cloth, 2 finished cells" in make(tmp_path).text
 
 
+def test_rows_of_several_leaderboards_are_one_method_where_they_have_one_name(tmp_path):
+    """Of two data sets with a mesh each, `homo` alone was two methods, and one on either leaderboard."""
+    for seed, own in enumerate(({"vertices": 700}, {"vertices": 2699, "dataset": "other", "dataset_hash": "def"})):
+        cell = write_cell(tmp_path, "homo", seed=seed)
+        for name in ("cell.json", "result.json"):
+            (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | {"seed": 0} | own))
+    assert "1 method on 1 cloth, 2 finished cells" in make(tmp_path).text
+
+
 def test_what_is_shown_of_several_splits_is_told_apart(tmp_path):
     """Fits of the second split have another training sample, whose surface was not on the page."""
     for solver, seed in product(("homo", "sobol"), (0, 1)):

@@ -4,17 +4,19 @@ import errno
 import json
 import logging
 import os
+import platform
 import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
-from cusick_bench.runner import Cell, ProblemSettings, Source, plan, run
+from cusick_bench.runner import Cell, ProblemSettings, Source, Store, plan, run, run_cell
 from cusick_bench.runner.store import disk_errors, ends_grid
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.registry import solver_class
@@ -124,6 +126,37 @@ def test_a_file_system_without_locks_is_written_to_without(data, cells, undistur
     monkeypatch.setattr("fcntl.flock", flock)
     run(Source(str(data)), cells, tmp_path / "out")
     assert _numbers(tmp_path / "out") == undisturbed
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+@pytest.mark.parametrize("code", [errno.ENOLCK, 0], ids=["no locks", "locks of each machine"])
+def test_machines_that_do_not_see_each_others_locks_both_finish_a_cell(
+    data, cells, undisturbed, tmp_path, monkeypatch, code
+):
+    """The second machine begins with the cell, and ends, while the first one writes its answer."""
+
+    def flock(*_: object) -> None:
+        if code:
+            raise OSError(code, os.strerror(code))
+
+    dataset, store, savez, ended = load(data), Store(tmp_path), np.savez_compressed, list[str]()
+
+    def slow(file, **arrays) -> None:
+        if not ended:
+            with monkeypatch.context() as other:
+                other.setattr(platform, "node", lambda: "other.machine")
+                ended.append("begun")
+                ended[0] = run_cell(dataset, cells[0], store, lambda *_: None)["status"]
+        savez(file, **arrays)
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    monkeypatch.setattr(np, "savez_compressed", slow)
+    store.prepare()
+    assert run_cell(dataset, cells[0], store, lambda *_: None)["status"] == "done"
+    assert ended == ["done"]
+    assert _numbers(tmp_path) == {cells[0].key: undisturbed[cells[0].key]}
+    assert store.is_done(cells[0].key)
+    assert not list(tmp_path.glob("cells/*/*.part"))
 
 
 def test_two_runners_on_one_folder_finish_the_grid_once(data, undisturbed, tmp_path):

@@ -39,6 +39,7 @@ from cusick_bench.runner import (
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.effects.imaging.camera_scale import CameraScale
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Side
@@ -214,6 +215,26 @@ class TestGrid:
                 "the first one: it changes nothing there; leave it out"
             ]
             assert [record.getMessage() for record in caplog.records] == ([] if acts else told)
+
+    @pytest.mark.parametrize("refusing", [True, False])
+    def test_an_effect_of_one_law_is_planned_by_that_law(self, data, monkeypatch, caplog, refusing):
+        """It was tried by law paper, whatever the run's: refused, or said to change nothing."""
+
+        class OfPlates(CameraScale):
+            name = "of-plates"
+
+            def _apply(self, setup, value):
+                if setup.settings.law != "plate":
+                    if refusing:
+                        raise SimulationError("of-plates needs --law plate")
+                    return setup
+                return super()._apply(setup, value)
+
+        known = {**registered(), "of-plates": OfPlates()}
+        monkeypatch.setattr("cusick_bench.sim.effects.registry.registered", lambda: known)
+        settings = replace(SMALL, drape=replace(SMALL.drape, law="plate"), causes=("of-plates",))
+        assert len(plan(load(data), solvers=["homo"], settings=settings)) == 1
+        assert "changes nothing" not in caplog.text
 
     def test_the_problem_of_a_cell_is_posed_on_the_causes_mesh_and_plate(self, data):
         (cell,) = _cells(data, ("plate-radius:error=.005", "cut-size:error=-.002"))

@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.leaderboard.verification.verify import verified_keys
 from cusick_bench.runner.grid import record_key
-from cusick_bench.solvers.base import Solver, SolverError
+from cusick_bench.solvers.base import Solver, SolverError, prediction_at
 from cusick_bench.solvers.registry import make_solver, registered, solver_class
+from cusick_bench.solvers.variational.predictive import with_draws
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -215,6 +216,25 @@ def test_a_solver_that_fails_while_its_cell_is_verified_leaves_the_other_cells(
     }
     assert type(ending).__name__ in cells["redrawer"]["notes"][0]
     assert len(verified_keys(tmp_path / "run")) == 1
+
+
+def test_drapes_of_a_prediction_that_are_no_draws_are_not_missed(
+    monkeypatch: pytest.MonkeyPatch, redrawing: type[Solver], tmp_path: Path
+):
+    """A fit that is draped for the answer is none: further draws were tried, and the cell said to leave them out."""
+
+    def solve(self, problem, generator, progress):
+        fit = prediction_at(problem, np.zeros(problem.dimension), finished=True)
+        seen = problem.draw_batch(np.stack([self.redraw(problem, {}, index) for index in range(2)]))
+        return with_draws(fit, dict(enumerate(seen)), {})
+
+    monkeypatch.setattr(redrawing, "_solve", solve)
+    monkeypatch.setattr(redrawing, "redraw", lambda self, problem, _, index: np.full(problem.dimension, index / 9))
+    monkeypatch.setattr(redrawing, "drapes_of_prediction", 3)
+    run = CliRunner().invoke(app, _words(tmp_path / "run", "redrawer"))
+    assert run.exit_code == 0, run.output
+    result = CliRunner().invoke(app, ["verify", str(tmp_path / "run"), "--json"])
+    assert [cell["status"] for cell in json.loads(result.stdout)["cells"]] == ["verified"], result.stdout
 
 
 def test_a_solver_that_redraws_too_few_numbers_is_told_how_many(

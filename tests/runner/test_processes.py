@@ -1,16 +1,24 @@
 """A pool's processes are on a number of threads; the process that asks for them keeps its own."""
 
+import copy
+import logging
 import os
 import signal
 import threading
 import time
+import warnings
+from pathlib import Path
 
 import numba
 import pytest
 import torch
 from threadpoolctl import threadpool_info
 
+from cusick_bench.cli.verbosity import messages, tell_less, tell_more
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.runner.processes import one_thread, process_pool
+from cusick_bench.sim.errors import BadMeshFile, CusickError, MembersDiverged
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
@@ -41,6 +49,52 @@ def test_the_environment_has_the_last_word(monkeypatch: pytest.MonkeyPatch) -> N
 def test_number_of_threads_is_that_of_the_pool() -> None:
     with process_pool(1, threads=2) as pool:
         assert list(pool.map(os.getenv, THREADS)) == ["2", "2", "2"]
+
+
+@pytest.mark.parametrize(
+    ("level", "shown"),
+    [
+        ("quiet", []),
+        ("", ["warning: the cell is run again"]),
+        ("verbose", ["a file is read", "warning: the cell is run again", "library.py:1: UserWarning: slow"]),
+    ],
+)
+def test_workers_tell_as_much_as_the_command_that_starts_them(capfd, level: str, shown: list[str]) -> None:
+    logger = logging.getLogger("cusick_bench.runner.store")
+    with messages():
+        tell_less(level == "quiet")
+        tell_more(level == "verbose")
+        with process_pool(1) as pool:
+            pool.submit(logger.debug, "a file is read").result()
+            pool.submit(logger.warning, "the cell is run again").result()
+            pool.submit(warnings.warn_explicit, "slow", UserWarning, "library.py", 1).result()
+    assert [line.strip() for line in capfd.readouterr().err.splitlines()] == shown
+
+
+def test_a_workers_error_is_told_as_it_is(tmp_path: Path) -> None:
+    """One that could not be unpickled broke the pool, as a worker that was killed does."""
+    damaged = tmp_path / "design.json"
+    damaged.write_text("{")
+    with pytest.raises(BadFile, match=r"design.json: cannot be read as JSON.*; mend it") as raised:  # noqa: SIM117
+        with process_pool(1) as pool:
+            pool.submit(read_json_object, damaged, remedy="mend it").result()
+    assert raised.value.remedy == "mend it"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        BadFile("fabrics.csv", "is empty", "fill it"),
+        BadMeshFile("cloth.obj", "has no faces", kind="no-faces"),
+        MembersDiverged("two flew apart", [1, 3], 5),
+        DataError("is missing", where="data", remedy="give another one", kind="missing"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_are_copied_as_they_are(error: CusickError) -> None:
+    again = copy.copy(error)
+    assert type(again) is type(error)
+    assert (str(again), vars(again)) == (str(error), vars(error))
 
 
 @pytest.mark.threads

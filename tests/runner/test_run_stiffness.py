@@ -3,12 +3,16 @@
 import csv
 import json
 import shutil
+import sys
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from typer.testing import CliRunner
 
+from cusick_bench import leaderboard
 from cusick_bench.cli import app
+from cusick_bench.cli.fit.run import _write_stiffness
 from cusick_bench.datasets import load
 from cusick_bench.runner import load_prediction
 
@@ -124,3 +128,29 @@ def test_a_cell_that_was_edited_is_left_out_of_the_table_with_a_note(cells, out,
         assert {line["solver"] for line in csv.DictReader(file)} == {SOLVERS[1]}
     assert "Left out, damaged: homo on fabric_3, seed 0" in result.stderr
     assert "result.json is not what the cell was finished with" in result.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+def test_of_two_commands_that_end_at_the_same_time_the_table_has_all_cells(cells, out, tmp_path, monkeypatch):
+    """The one that has read the cells first may be the last to write its table."""
+    run, aside = Path(shutil.copytree(out, tmp_path / "run")), tmp_path / "aside"
+    late = run / "cells" / Path(cells["homo"]["path"]).name
+    late.rename(aside)
+    table, dataset, others = leaderboard.stiffness_csv, load("synthetic"), list[Thread]()
+
+    def other() -> None:
+        aside.rename(late)  # its cell is finished
+        _write_stiffness(run, dataset)
+
+    def slow(*arguments) -> str:
+        if not others:
+            others.append(Thread(target=other))
+            others[0].start()
+            others[0].join(2.0)
+        return table(*arguments)
+
+    monkeypatch.setattr(leaderboard, "stiffness_csv", slow)
+    _write_stiffness(run, dataset)
+    others[0].join()
+    with (run / "stiffness.csv").open() as file:
+        assert {line["solver"] for line in csv.DictReader(file)} == set(SOLVERS[:2])

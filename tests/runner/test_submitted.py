@@ -216,6 +216,32 @@ def test_a_task_that_may_not_be_queued_again_stops_and_no_cell_has_failed(data, 
     assert not (tmp_path / "cells" / cells[1].key).exists()
 
 
+def test_a_task_that_is_queued_again_stops_and_no_cell_has_failed(data, cells, tmp_path, monkeypatch):
+    """submitit ends it by `sys.exit`, out of the handler of a signal that comes while a cell runs."""
+    task = pytest.importorskip("submitit.core.job_environment")
+    batch, queued = Batch(Source(str(data)), tuple(cells), tmp_path), list[int]()
+    delayed = task.DelayedSubmission(batch)
+    delayed.set_timeout(60, 20)
+    place = SimpleNamespace(submitted_pickle=tmp_path / "task.pkl")
+    handler = task.SignalHandler(SimpleNamespace(global_rank=0, _requeue=queued.append), place, delayed)
+
+    def score(*_, **__) -> None:
+        os.kill(os.getpid(), signal.SIGUSR2)
+        time.sleep(60)
+
+    before = signal.signal(signal.SIGUSR2, handler.checkpoint_and_try_requeue)
+    monkeypatch.setattr("cusick_bench.runner.cell.score", score)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            batch()
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+    assert (ended.type, queued) == (SystemExit, [20])
+    assert (tmp_path / "cells" / cells[0].key / "cell.json").exists()
+    assert not list(tmp_path.glob("cells/*/result.json"))
+    assert not (tmp_path / "cells" / cells[1].key).exists()
+
+
 def test_a_cell_that_an_earlier_commands_task_runs_comes_last(data, cells, tmp_path, monkeypatch):
     pytest.importorskip("submitit")
     monkeypatch.setattr("cusick_bench.runner.executors.turns.WAIT_SECONDS", 0.05)

@@ -221,13 +221,14 @@ def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":
 def _write_stiffness(out: Path, dataset: "DrapeDataset") -> None:
     """The stiffness of all finished cells of the folder, whoever ran them."""
     from cusick_bench.leaderboard import LeaderboardError, load_cells, stiffness_csv
-    from cusick_bench.runner.store import write_atomically
+    from cusick_bench.runner.store import locked, write_atomically
 
-    try:
-        cells = load_cells(out)
-    except LeaderboardError:  # no cell has finished
-        return
-    write_atomically(out / STIFFNESS_FILE, stiffness_csv(cells, dataset).encode())
+    with locked(out):  # or what was read before another command's cells had ended could be written after its own table
+        try:
+            cells = load_cells(out)
+        except LeaderboardError:  # no cell has finished
+            return
+        write_atomically(out / STIFFNESS_FILE, stiffness_csv(cells, dataset).encode())
     tell_damaged(cells)
 
 

@@ -226,7 +226,7 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     cells = load_cells(run)
     tell_damaged(cells)
     table = cells.table.sort_values(["cloth", "solver", "repeat"])
-    fitted, stated = _stated_fits(run, table.loc[table["stiffness"].notna()])
+    fitted, stated = _stated_fits(run, table.loc[table["stiffness"].notna()], solvers)
     names = sorted(set(fitted["solver"]))
     if not names:
         raise GarmentError(f"no cell of {run} has found any stiffness; run a solver with physics, such as homo")
@@ -250,10 +250,11 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     return {str(label): Path(folder) for label, folder in zip(labels, own["folder"], strict=True)}
 
 
-def _stated_fits(run: Path, fitted: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
-    """Of the run of an identification the fits that its document states, and whether it is one.
+def _stated_fits(run: Path, fitted: pd.DataFrame, solvers: list[str]) -> tuple[pd.DataFrame, bool]:
+    """Of the run of an identification the fits that its document states, and whether these are all that is asked for.
 
     Its folder keeps those of earlier weights and options, and fits of fabrics that did not change when others did.
+    Solvers that the document states no fit of, as an earlier identification has used them, are there if they are named.
     """
     from cusick_bench.identify.document import IdentifyDocument
     from cusick_bench.identify.workspace import Workspace
@@ -263,8 +264,13 @@ def _stated_fits(run: Path, fitted: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
         return fitted, False
     document = IdentifyDocument.read(workspace.document)
     keys = {Path(one.fit.path).name for one in document.fabrics if one.fit is not None}
-    own = fitted.loc[[Path(folder).name in keys for folder in fitted["folder"]]]
-    return (fitted, False) if own.empty else (own, True)
+    is_stated = [Path(folder).name in keys for folder in fitted["folder"]]
+    if not any(is_stated):
+        return fitted, False
+    earlier = set(solvers) - {name for name, one in zip(fitted["solver"], is_stated, strict=True) if one}
+    is_earlier = [name in earlier for name in fitted["solver"]]
+    shown = [one or other for one, other in zip(is_stated, is_earlier, strict=True)]
+    return fitted.loc[shown], not any(is_earlier)
 
 
 def _tell_missing(cells: Cells, own: pd.DataFrame, chosen: list[str]) -> None:

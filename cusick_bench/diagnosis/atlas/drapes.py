@@ -37,7 +37,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import Effect, Parameter, registered
-from cusick_bench.sim.effects.acting import acts_later
+from cusick_bench.sim.effects.effect_timing import acts_later
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
 CHEAP_SETTINGS = replace(SETTINGS, law="paper")

@@ -27,7 +27,7 @@ from cusick_bench.diagnosis.atlas.ridge import Fit, ridge
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES, REAL, rotated
 from cusick_bench.sim.effects import Effect
-from cusick_bench.sim.effects.acting import acts_later, in_lab
+from cusick_bench.sim.effects.effect_timing import acts_later, in_lab
 
 LEAST_SAMPLES = 2
 """Samples that a simulated fabric needs for its response to count."""

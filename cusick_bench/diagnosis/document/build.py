@@ -22,7 +22,7 @@ from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.samples import Simulated
 from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.effects.acting import acts_later, in_lab
+from cusick_bench.sim.effects.effect_timing import acts_later, in_lab
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
 _LEAST = 0.005  # probability from which a cause, or a set, is listed

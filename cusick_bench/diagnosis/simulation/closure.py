@@ -38,7 +38,7 @@ from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.gap import Fold, Gap, faces_of, fit_of, gap
 from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
-from cusick_bench.sim.effects.acting import acts_later
+from cusick_bench.sim.effects.effect_timing import acts_later
 from cusick_bench.sim.setup import Simulators
 
 CORRECTIONS = 1

@@ -12,7 +12,7 @@ from cusick_bench.diagnosis.atlas.observation import ANGLES, observe, silhouette
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Frame
 from cusick_bench.sim.effects import Effect
-from cusick_bench.sim.effects.acting import acts_later, in_lab
+from cusick_bench.sim.effects.effect_timing import acts_later, in_lab
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
 

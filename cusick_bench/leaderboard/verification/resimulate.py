@@ -262,7 +262,7 @@ def _with_draws(
             drawn = ((number, solver.redraw(problem, posterior, number)) for number in tried)
             return [number for number, tau in drawn if draping.draw_batch(tau[None])[0] is not None]
 
-        following = _following(stored, solver.drapes_of_prediction, len(chosen))
+        following = _following(stored, solver.draws_asked_for, len(chosen))
         resting = at_rest(left_out) + min(map(at_rest, following), key=len, default=[])
         checks.append(Check("draws left out", len(resting), 0.0, f"come to rest: {', '.join(map(str, resting))}"))
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"

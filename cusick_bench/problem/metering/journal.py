@@ -26,6 +26,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cusick_bench.files import parse_json
+from cusick_bench.files.plain_names import part_of
 from cusick_bench.problem.errors import StaleJournal
 from cusick_bench.problem.metering.budget import Evaluation
 
@@ -165,7 +166,7 @@ class Journal:
         steps = zip(bodies, entries, strict=True)
         first = _first_link(self.identity)
         self._links = list(accumulate(steps, lambda link, step: _link(link, step[0], step[1].arrays), initial=first))
-        part = self.folder / (TRACE + ".part")
+        part = part_of(self.folder / TRACE)
         part.write_bytes("".join(map(_line, bodies, self._links[1:])).encode())
         os.replace(part, self.folder / TRACE)
         self._trace = (self.folder / TRACE).open("ab")
@@ -325,7 +326,7 @@ class Checkpoint:
         """Replaces the state."""
         if self.folder is None:
             return
-        part = self.folder / (STATE + ".part")
+        part = part_of(self.folder / STATE)
         with part.open("wb") as file:
             np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
         digest = self._digest(part, part.stat().st_size)

@@ -262,7 +262,8 @@ def _seeds(group: pd.DataFrame) -> str:
 
 
 def _summary(cells: Cells, cloths: int) -> str:
-    solvers, count = len(list(variants(cells.table))), len(cells.table)
+    rows = {method_label(*name) for _, own in of_boards(cells.table) for name, _ in variants(own)}
+    solvers, count = len(rows), len(cells.table)
     return (
         f"{solvers} method{'s' * (solvers != 1)} on {cloths} cloth{'s' * (cloths != 1)}, {count} finished "
         f"cell{'s' * (count != 1)}. A solver sees the training silhouettes of a cloth (one, but for runs whose samples "

@@ -51,14 +51,14 @@ _log = logging.getLogger(__name__)
 
 @contextmanager
 def _stopping() -> Iterator[None]:
-    """The last end of a time limit is a request to stop, as those are after which a task is put into the queue again.
+    """The end of a time limit, or a preemption, is a request to stop.
 
-    submitit's handler of the signal tells of it by an ordinary error, out of whatever runs by then: a cell would take
-    it for its own and be recorded as failed, or a solver for a matrix that cannot be factorised. In here it is a
-    TimeLimit, which leaves a cell as it is, to be gone on with; outside submitit sees its own error.
+    submitit's handler of the signal puts the task into the queue again and calls `sys.exit`, or raises an ordinary
+    error where that may not be or fails, out of whatever runs by then: a cell would take it for its own and be recorded
+    as failed, or a solver for a matrix that cannot be factorised. In here it is a TimeLimit, which leaves a cell as it
+    is, to be gone on with; outside submitit sees its own.
     """
     from submitit.core.job_environment import JobEnvironment
-    from submitit.core.utils import UncompletedJobError
 
     number = signal.Signals[f"SIG{JobEnvironment.USR_SIG}"]
     handler = signal.getsignal(number)
@@ -66,13 +66,13 @@ def _stopping() -> Iterator[None]:
         yield
         return
 
-    told: UncompletedJobError | None = None
+    told: BaseException | None = None
 
     def stop(*arguments: Any) -> None:
         nonlocal told
         try:
             handler(*arguments)
-        except UncompletedJobError as error:
+        except (Exception, SystemExit) as error:
             told = error
             raise TimeLimit(str(error)) from error
 
@@ -108,6 +108,7 @@ class Batch:
 
         Raises:
             RunnerError: Errors that are no cell's own.
+            SystemExit: Of submitit: the task ran into its time limit, or was pre-empted, and is in the queue again.
             UncompletedJobError: Of submitit: the task ran into its time limit once more than it may.
         """
         errors: list[str] = []

@@ -20,7 +20,7 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.inference.single_effects.localise import place
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.effects.acting import acts_later
+from cusick_bench.sim.effects.effect_timing import acts_later
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 from cusick_bench.diagnosis.inference.single_effects.equivalents import EQUIVALENTS
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.effects.acting import acts_later
+from cusick_bench.sim.effects.effect_timing import acts_later
 
 UNSURE = 0.6
 """Share of a cause's probability that is spread evenly over the group."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis
-from cusick_bench.sim.effects.acting import in_lab
+from cusick_bench.sim.effects.effect_timing import in_lab
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
 from cusick_bench.diagnosis.measure.own_outlines import UNDONE, OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
 from cusick_bench.sim.effects import Effect, registered
-from cusick_bench.sim.effects.acting import acts_later, in_lab
+from cusick_bench.sim.effects.effect_timing import acts_later, in_lab
 
 Frame = Literal["", "cloth", "lab"]
 GRAIN = "grain-skew"

@@ -3,7 +3,7 @@
 from functools import cache
 
 from cusick_bench.sim.effects import Effect, registered
-from cusick_bench.sim.effects.acting import acts_later, in_lab
+from cusick_bench.sim.effects.effect_timing import acts_later, in_lab
 
 _CLAIMS = {
     "none": "nothing is missing in the base model",
