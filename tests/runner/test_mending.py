@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from killed_run import run_until_killed
+from killed_run import ended_at, run_until_killed
 
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget, HomogeneousSpace
@@ -98,17 +98,12 @@ def run_on(lab: _Lab, cell: Cell, out: Path) -> None:
 
 
 def run_and_stop(lab: _Lab, cell: Cell, out: Path, at: int = STOPPED_AT) -> None:
-    evaluations = 0
-
-    def report(fraction: float, loss: float, message: str) -> None:
-        nonlocal evaluations
-        evaluations += message == ""
-        if evaluations == at:
-            raise KeyboardInterrupt
+    def stop() -> None:
+        raise KeyboardInterrupt
 
     Store(out).prepare()
-    with pytest.raises(KeyboardInterrupt):
-        run_cell(lab.dataset, cell, Store(out), report, lab.simulators)
+    with pytest.raises(KeyboardInterrupt), ended_at(at, stop):
+        run_cell(lab.dataset, cell, Store(out), lambda *_: None, lab.simulators)
 
 
 def numbers(folder: Path) -> dict:
