@@ -9,7 +9,6 @@ simulate at a time; kernels run on all threads of the pool as it is.
 """
 
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,8 +20,10 @@ from numba.core import config
 from numba.np.ufunc.parallel import threading_layer
 
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.thread_lock import ThreadLock
 
 _PREFERRED = ["omp", "workqueue", "tbb"]
+_SIMULATION = ThreadLock()
 
 
 @dataclass(frozen=True)
@@ -71,22 +72,8 @@ def check_fork() -> None:
         )
 
 
-class _Turn:
-    """Whose turn it is; renewed in a forked process, whose other threads are gone and would never give it back."""
-
-    lock = threading.RLock()
-
-    @classmethod
-    def renew(cls) -> None:
-        cls.lock = threading.RLock()
-
-
-if hasattr(os, "register_at_fork"):  # Windows does not fork
-    os.register_at_fork(after_in_child=_Turn.renew)
-
-
 @contextmanager
 def alone() -> Iterator[None]:
     """Waits until no other thread of this process simulates, and keeps them waiting meanwhile."""
-    with _Turn.lock:
+    with _SIMULATION.held():
         yield

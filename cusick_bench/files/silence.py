@@ -1,24 +1,12 @@
 """Work without Python's warnings, whose filters are the process's."""
 
-import os
-import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from cusick_bench.sim.thread_lock import ThreadLock
 
-class _Turn:
-    """Whose turn it is; renewed in a forked process, whose other threads are gone and would never give it back."""
-
-    lock = threading.RLock()
-
-    @classmethod
-    def renew(cls) -> None:
-        cls.lock = threading.RLock()
-
-
-if hasattr(os, "register_at_fork"):  # Windows does not fork
-    os.register_at_fork(after_in_child=_Turn.renew)
+_SILENCE = ThreadLock()
 
 
 @contextmanager
@@ -31,6 +19,6 @@ def without_warnings() -> Iterator[None]:
     Yields:
         Nothing; no warning is shown within the `with` block.
     """
-    with _Turn.lock, warnings.catch_warnings():
+    with _SILENCE.held(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.report.drawing.inline_svg import page_figure, panel
-from cusick_bench.report.drawing.palette import MODEL, REAL
+from cusick_bench.report.drawing.palette import MODEL, REAL, SIMULATED_DASH
 from cusick_bench.report.drawing.radius_over_angle import (
     draw_levels,
     draw_range,
@@ -49,7 +49,7 @@ def profile_graph(
     if unseen is not None and len(unseen) > 1:
         draw_range(axes, unseen[:, ::_POINTS], color=REAL, alpha=0.15)
     draw_turn(axes, real[::_POINTS], color=REAL, linewidth=2)
-    draw_turn(axes, simulated[::_POINTS], color=MODEL, linewidth=2, linestyle=(0, (5, 1.5)))
+    draw_turn(axes, simulated[::_POINTS], color=MODEL, linewidth=2, linestyle=SIMULATED_DASH)
     return figure
 
 

@@ -20,6 +20,9 @@ MAP = "#fe000b"  # probability of a place
 SERIES = tuple(f"#fe001{place}" for place in range(8))
 """Methods that are compared, in turn; each also has a dash, so that colour is not all that tells them apart."""
 
+SIMULATED_DASH = (0, (5, 1.5))
+"""Dash of a simulated drape beside a real one, which grey print would not tell apart."""
+
 DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)))
 """Dashes of the same methods: solid, dashed, dotted; a number that 8 is no multiple of, so that pairs differ."""
 

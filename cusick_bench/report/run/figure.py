@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy import ndarray
 
 from cusick_bench.report.cell_view import CellView
+from cusick_bench.report.drawing.palette import SIMULATED_DASH
 from cusick_bench.report.drawing.pictures import difference_picture, silhouette_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_range, draw_turn, label_axes
 
@@ -55,6 +56,6 @@ def _draw_profiles(axes: Axes, view: CellView, unseen: ndarray | None, *, fitted
     if unseen is not None and len(unseen) > 1:
         draw_range(axes, unseen, color=_REAL, alpha=0.15, label=f"{len(unseen)} unseen silhouettes")
     draw_turn(axes, view.target_profile.radii, color=_REAL, label="real")
-    draw_turn(axes, view.fit_profile.radii, color=_SIMULATED, linestyle=(0, (5, 1.5)), label=fitted)
+    draw_turn(axes, view.fit_profile.radii, color=_SIMULATED, linestyle=SIMULATED_DASH, label=fitted)
     label_axes(axes)
     axes.legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
