@@ -74,7 +74,7 @@ def test_failed_drape_is_a_loss_of_infinity_and_paid_for(fail_drapes):
     assert problem.meter.trace[0].failure == "planted"
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("space", ["homo", "field"])
 def test_vectors_that_stand_for_no_cloth_fail_and_spoil_no_other(space):
     problem = toy_problem(space=space, budget=Budget())
@@ -118,7 +118,7 @@ def test_what_is_done_to_an_observed_drape_changes_no_later_one():
     assert torch.equal(start, before)
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_training_image_may_be_a_mirrored_or_protected_array():
     problem = toy_problem(budget=Budget())
     mirrored = np.flipud(problem.train_image)

@@ -75,7 +75,7 @@ def test_other_radii_scale_the_rings():
     assert (np.abs(radius - 0.06) < 1e-12).sum() > 10
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize(("vertices", "radius", "plate_radius"), [(60, 0.12, 0.09), (150, 0.15, 0.02)])
 def test_disc_without_vertices_between_rings_or_inside_the_plate_is_made_without_a_warning(
     vertices: int, radius: float, plate_radius: float
