@@ -192,7 +192,7 @@ class DrapeDataset:
         """The part whose rows have the given values, e.g. `select(cloth="cotton_blue", sample=[1, 2])`.
 
         Args:
-            **conditions: Column of the index = value, or values, that it may have.
+            **conditions: Column of the index = value, or values, that it may have; NaN or None where it is not known.
 
         Returns:
             The data set with these rows alone, numbered anew from 0.
@@ -207,7 +207,10 @@ class DrapeDataset:
                 raise DataError(f"unknown column {column!r}", where=self.name, remedy=f"use one of {known}")
             single = isinstance(value, str) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0
             values = [value] if single else list(value)
-            keep &= np.array([cell in values for cell in self.table[column]], dtype=bool)
+            chosen = np.array([cell in values for cell in self.table[column]], dtype=bool)
+            if any(one is None or one != one for one in values):  # what is not known equals nothing, not even itself
+                chosen |= self.table[column].isna().to_numpy()
+            keep &= chosen
         if not keep.any():
             raise DataError(
                 f"no silhouette with {conditions}", where=self.name, remedy=f"cloths are {', '.join(self.cloths)}"

@@ -1,5 +1,6 @@
 """Environment of a result, for the record only: the code's commit, library versions, hardware."""
 
+import math
 import os
 import platform
 import subprocess
@@ -15,12 +16,39 @@ import cusick_bench
 from cusick_bench.runner.labels import numerics_text
 
 _LIBRARIES = ("numpy", "scipy", "torch", "numba", "nlopt", "cvxpy", "botorch", "gpytorch", "cma")
+_GROUPS, _MEMBERSHIPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 _GIT_SECONDS = 10.0  # after which a checkout on a slow disk counts as none
 
 
 def cores() -> int:
-    """Processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Processor cores that this process may use: at most a container's quota, rounded up."""
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, math.ceil(min(count, _quota())))
+
+
+def _quota() -> float:
+    """Cores that Linux's control groups allow this process at once; infinite where there is no limit."""
+    quotas = [math.inf]
+    for line in _text(_MEMBERSHIPS).splitlines():
+        _, controllers, place = line.split(":", 2)
+        if controllers and "cpu" not in controllers.split(","):
+            continue
+        root = _GROUPS / controllers
+        group = root / place.strip("/")
+        for folder in (group, *group.parents):  # a group's limit holds for all groups in it
+            if not folder.is_relative_to(root):
+                break
+            files = ("cpu.cfs_quota_us", "cpu.cfs_period_us") if controllers else ("cpu.max",)
+            words = " ".join(_text(folder / name) for name in files).split()
+            if len(words) == 2 and words[0].isdigit():  # else "max", -1, or the root itself
+                quotas.append(int(words[0]) / int(words[1]))
+    return min(quotas)
+
+
+def _text(file: Path) -> str:
+    with suppress(OSError):
+        return file.read_text()
+    return ""
 
 
 @lru_cache(maxsize=1)  # a running process keeps the code that it has loaded

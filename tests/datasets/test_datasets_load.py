@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -92,6 +93,14 @@ def test_an_entry_of_a_batch_selects(toy):
     batch = next(iter(DataLoader(dataset, batch_size=8, generator=torch.Generator())))
     for value in (batch["sample"][4], np.array(2), torch.tensor([2]), np.int64(2), {2}):
         assert len(dataset.select(sample=value)) == 4
+
+
+@pytest.mark.parametrize("missing", [float("nan"), np.nan, None, torch.tensor(float("nan"))])
+def test_what_is_not_known_selects(toy, missing):
+    dataset = load(toy)
+    known = replace(dataset, table=dataset.table.assign(thickness=[0.4e-3, *[np.nan] * (len(dataset) - 1)]))
+    assert len(known.select(thickness=missing)) == len(dataset) - 1
+    assert len(known.select(thickness=0.4e-3)) == 1
 
 
 def test_threads_leave_the_log_of_opencv_as_it_was():
