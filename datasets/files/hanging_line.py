@@ -133,7 +133,21 @@ def without_perspective(radii: Any, protocol: Protocol, height: float | None = N
         Radii [m], differentiable if a tensor is given; inside the plate and beyond the flat cloth as they are.
     """
     height = protocol.camera_height_m if height is None else height
-    seen, true = _table(Sizes(protocol.plate_radius_m, protocol.cloth_radius_m), height)
+    return seen_from_afar(radii, Sizes(protocol.plate_radius_m, protocol.cloth_radius_m), height)
+
+
+def seen_from_afar(radii: Any, sizes: Sizes, height: float) -> Any:
+    """As `without_perspective`, of a plate and a cloth of any size.
+
+    Args:
+        radii: Apparent radii, at the scale of the plate's plane, as an array or a tensor [m].
+        sizes: Radii of plate and cloth.
+        height: Height of the camera's eye over the plate [m].
+
+    Returns:
+        Radii [m], differentiable if a tensor is given; inside the plate and beyond the flat cloth as they are.
+    """
+    seen, true = _table(sizes, height)
     if isinstance(radii, ndarray):
         hangs = (radii > seen[0]) & (radii < seen[-1])
         return np.where(hangs, np.interp(radii, seen, true), radii)

@@ -9,9 +9,14 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.datasets.files.image import read_silhouette
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, profile_of
+from cusick_bench.datasets.profile import drape_coefficient
 from cusick_bench.sim.cloth.obj import write_obj
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.constants import IMAGE_SIZE
+from cusick_bench.sim.render.camera import PinholeCamera
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -37,6 +42,29 @@ def test_a_board_that_a_pinhole_camera_sees_has_a_drape_coefficient_of_one(tmp_p
     found = _simulate(tmp_path, 0.15, "--bending", "0.1", "--camera", "pinhole")
     assert found["draws"][0]["mean_radius_m"] == pytest.approx(0.15, rel=0.005)
     assert found["drape_coefficient"] == pytest.approx(1, abs=0.03)
+
+
+def test_a_pinhole_camera_measures_the_drape_that_a_parallel_one_does(tmp_path: Path):
+    found = {}
+    for camera in ("parallel", "pinhole"):
+        command = ["simulate", "--density", "0.2", "--bending", "1e-5", "--vertices", "150", "--steps", "60", "--json"]
+        result = CliRunner().invoke(app, [*command, "--camera", camera, "--out", str(tmp_path / camera)])
+        assert result.exit_code == 0, result.output
+        found[camera] = json.loads(result.stdout)
+    parallel, pinhole = found["parallel"], found["pinhole"]
+    assert pinhole["drape_coefficient"] == pytest.approx(parallel["drape_coefficient"], abs=0.02)
+    assert pinhole["folds"] == parallel["folds"]
+    radii = [one["draws"][0]["mean_radius_m"] for one in (parallel, pinhole)]
+    assert radii[0] == pytest.approx(radii[1], abs=1e-3)
+
+    camera = PinholeCamera()
+    scale = camera.focal_px / camera.eye_height_m
+    protocol = Protocol(projection="pinhole", camera_height_m=camera.eye_height_m, px_per_m=scale)
+    picture = read_silhouette(tmp_path / "pinhole" / "drape_0000.png", protocol)
+    assert drape_coefficient(picture, pixels_per_metre=scale) < parallel["drape_coefficient"] - 0.05  # as it appears
+    assert drape_coefficient_of(picture, protocol) == pytest.approx(pinhole["drape_coefficient"], abs=1e-3)
+    table = np.loadtxt(tmp_path / "pinhole" / "drape_0000_profile.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(profile_of(picture, protocol).radii, table[:, 1], atol=1e-3)
 
 
 def test_pictures_are_the_releases_unless_the_cloth_is_too_large_for_them(tmp_path: Path):

@@ -1,4 +1,7 @@
-"""A simulated drape as a camera sees it: its picture, what is measured on it, and its files."""
+"""A simulated drape as a camera sees it: its picture, what is measured on it, and its files.
+
+From a pinhole camera's picture perspective is taken out before anything is measured, as from the pictures of data.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cusick_bench.cli.options import CameraName
-from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_SIZE, PIXELS_PER_METRE
+from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
 
 if TYPE_CHECKING:
     import torch
@@ -34,6 +37,7 @@ class Sight:
         centre: Pixel of the plate's axis.
         size: Height and width of a picture [px].
         cloth_radius: Radius of the flat cloth [m].
+        eye_height: Height of a pinhole camera's eye above the plate [m]; None of a parallel one.
     """
 
     camera: Camera
@@ -41,6 +45,7 @@ class Sight:
     centre: tuple[float, float]
     size: int
     cloth_radius: float
+    eye_height: float | None = None
 
     @classmethod
     def of(cls, camera: CameraName, cloth_radius: float, reach: float) -> Sight:
@@ -61,7 +66,8 @@ class Sight:
         if camera is CameraName.parallel:
             return cls(ParallelCamera(centre_px=centre), PIXELS_PER_METRE, centre, size, cloth_radius)
         pinhole = PinholeCamera(centre_px=centre)
-        return cls(pinhole, pinhole.focal_px / pinhole.eye_height_m, centre, size, cloth_radius)
+        height = pinhole.eye_height_m
+        return cls(pinhole, pinhole.focal_px / height, centre, size, cloth_radius, height)
 
     def outcome(self, drape: Drape, seen: torch.Tensor, faces: np.ndarray) -> Outcome:
         """A drape with its picture.
@@ -74,12 +80,25 @@ class Sight:
         Returns:
             The drape as it is seen.
         """
-        from cusick_bench.datasets.profile import profile_from_image
+        from cusick_bench.datasets.profile import drape_coefficient, profile_from_image
         from cusick_bench.sim.render.silhouette import render
 
         image = render(seen, faces, self.camera, size=self.size)
-        profile = profile_from_image(image, pixels_per_metre=self.scale, centre=self.centre)
-        return Outcome(drape, image, profile, self)
+        apparent = profile_from_image(image, pixels_per_metre=self.scale, centre=self.centre)
+        profile = self._from_afar(apparent)
+        hidden = float(np.mean(profile.radii**2 - apparent.radii**2))  # what perspective takes off r^2 [m2]
+        share = drape_coefficient(image, pixels_per_metre=self.scale, cloth_radius=self.cloth_radius)
+        share += hidden / (self.cloth_radius**2 - PLATE_RADIUS**2)
+        return Outcome(drape, image, profile, share, self)
+
+    def _from_afar(self, apparent: Profile) -> Profile:
+        """The profile that a camera far away would see."""
+        from cusick_bench.datasets.files.hanging_line import Sizes, seen_from_afar
+        from cusick_bench.datasets.profile import Profile
+
+        if self.eye_height is None:
+            return apparent
+        return Profile(seen_from_afar(apparent.radii, Sizes(PLATE_RADIUS, self.cloth_radius), self.eye_height))
 
 
 @dataclass(frozen=True)
@@ -89,19 +108,17 @@ class Outcome:
     drape: Drape
     image: torch.Tensor
     profile: Profile
+    drape_coefficient: float
     sight: Sight
 
     def summary(self) -> dict[str, Any]:
         """The drape's part of the JSON document."""
-        from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
+        from cusick_bench.datasets.profile import amplitude_spectrum, fold_count
         from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
 
-        sight = self.sight
-        prominence = FOLD_PROMINENCE * (sight.cloth_radius / CLOTH_RADIUS)
+        prominence = FOLD_PROMINENCE * (self.sight.cloth_radius / CLOTH_RADIUS)
         return {
-            "drape_coefficient": drape_coefficient(
-                self.image, pixels_per_metre=sight.scale, cloth_radius=sight.cloth_radius
-            ),
+            "drape_coefficient": self.drape_coefficient,
             "folds": fold_count(self.profile, prominence=prominence),
             "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
             "residual": self.drape.residual,

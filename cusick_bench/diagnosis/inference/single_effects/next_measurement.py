@@ -75,7 +75,8 @@ MEASUREMENTS: tuple[Measurement, ...] = (
     ),
     Measurement(
         "smaller sample",
-        "Drape samples of 24 cm: what sits at the rim goes with it, what is in the cloth stays.",
+        "Cut samples down by a fifth and drape them on a plate a fifth smaller (24 cm on 14.4 cm instead of 30 cm on "
+        "18 cm; a diagnosis knows this ratio only): what sits at the rim goes with it, what is in the cloth stays.",
         ("rim-stiffening", "self-contact"),
         (("cut-size", "plate-radius"),),
     ),
