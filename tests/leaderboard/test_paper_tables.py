@@ -104,6 +104,20 @@ class TestTable1:
         place = [column.head for column in text.columns].index("CRPS")
         assert {entries[place] for entries in text.entries} == {"1.23"}
 
+    def test_fold_numbers_are_rejected_over_all_cloths_together(self, run, tmp_path):
+        """By Holm's correction: .02 alone would be rejected in one cloth, not in one of five."""
+        for place, (cloth, p) in enumerate(zip(CLOTHS, (0.001, 0.02, 0.3, 0.5, 0.9), strict=True)):
+            write_cell(tmp_path, "heter", cloth, 0, test_fold_p=p)
+            write_cell(tmp_path, "sobol", cloth, 0, test_fold_p=0.02 if place == 0 else 0.6)
+        rows = {row["solver"]: row for row in records(self.lines(run))}
+        assert (rows["heter"]["folds_rejected"], rows["heter"]["folds_tested"]) == (1, 5)
+        assert (rows["sobol"]["folds_rejected"], rows["sobol"]["folds_tested"]) == (0, 5)
+        assert rows["homo"]["folds_tested"] == 0
+        text = set_table(self.lines(run))
+        place = [(column.head, column.unit) for column in text.columns].index(("folds", "rejected"))
+        shown = {entries[0]: entries[place] for entries in text.entries}
+        assert [shown[name] for name in ("heter", "sobol", "homo")] == ["1 of 5", "0 of 5", ""]
+
 
 class TestMethods:
     def test_draws_go_to_who_offers_many(self):

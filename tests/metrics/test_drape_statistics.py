@@ -182,7 +182,7 @@ def test_variability_of_drapes_is_theirs():
     assert found.drapes == 4
     coefficients = (radii**2 - 0.09**2) / (0.15**2 - 0.09**2)
     assert found.dc_sd.value == pytest.approx(coefficients.std(ddof=1), rel=0.02)
-    assert found.folds_sd.value == 0
+    assert found.folds_sd.value == found.folds.value == 0
     areas = np.pi * (723 * radii) ** 2 / 256**2
     gaps = np.abs(areas[:, None] - areas)[np.triu_indices(4, 1)]
     assert found.pair_mse.value == pytest.approx(gaps.mean(), rel=0.08)  # pixels at the rims are half covered
@@ -215,6 +215,8 @@ def test_the_error_of_variability_is_that_of_leaving_each_drape_out():
         values = np.array([getattr(one, name).value for one in without])
         expected = np.sqrt(5 / 6 * ((values - values.mean()) ** 2).sum())
         assert getattr(found, name).error == pytest.approx(expected, rel=1e-9), name
+    assert found.folds.value == pytest.approx(np.mean(folds))
+    assert found.folds.error == pytest.approx(np.std(folds, ddof=1) / np.sqrt(6)), "of a mean it is the usual one"
 
 
 def test_variability_rows_are_read_side_by_side():

@@ -1,12 +1,20 @@
 """Population: what is expected of a cloth, and how fabrics are placed by it."""
 
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
+from PIL import Image
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
+from cusick_bench.cli.fit import population as command
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.metrics import mse
@@ -29,8 +37,9 @@ from cusick_bench.problem.population.derivation import (
     population_samples,
 )
 from cusick_bench.problem.population.expected_statistics import learn, shipped
-from cusick_bench.problem.population.levels import compare_levels, turned_over
+from cusick_bench.problem.population.levels import compare_levels, level_drapes, turned_over
 from cusick_bench.problem.statistics import STATISTICS
+from cusick_bench.report.figures.population_levels import population_levels_figure
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
@@ -164,6 +173,30 @@ class TestLevels:
         assert np.isnan(missed[0])
         assert missed[1] == 0
 
+    def test_drapes_that_have_sunk_when_they_are_seen_again_drift(self, problem, monkeypatch):
+        radii, sunk = np.array([0.12, 0.122, 0.125]), 0.002
+        first, second = (np.stack([silhouette(np.full(4, one)) for one in radii - down]) for down in (0, sunk))
+        seen = [Observation(np.zeros((3, 3)), image, 0.0) for image in first]
+        drawn = iter([[*seen[:2], None], [None, *seen[1:]], seen])  # laid down, laid down again, turned over
+        monkeypatch.setattr(DrapeProblem, "draw_batch", lambda self, taus: next(drawn))
+        group = Samples("any", False, first, np.zeros((3, len(STATISTICS))), second)
+        found = Population(shipped(), {"any": problem.space.leading.origin}, {}, {}, 0.0, [])
+        real, simulated = compare_levels(problem, found, [group], 3)
+        expected = 100 * ((radii - sunk) ** 2 - radii**2).mean() / (0.15**2 - 0.09**2)
+        assert real["dc_drift"] == pytest.approx(expected, abs=0.1)
+        assert simulated["dc_drift"] == 0, "of the one that came to rest both times"
+
+    def test_the_number_of_drapes_is_known_before(self, problem, monkeypatch):
+        images = np.stack([silhouette(np.full(4, 0.12))] * 2)
+        seen = Observation(np.zeros((3, 3)), images[0], 0.0)
+        monkeypatch.setattr(DrapeProblem, "draw_batch", lambda self, taus: [seen] * len(taus))
+        none = np.zeros((2, len(STATISTICS)))
+        groups = [Samples(name, turned, images, none) for name, turned in (("a", False), ("a", True), ("b", False))]
+        found = Population(shipped(), dict.fromkeys("ab", problem.space.leading.origin), {}, {}, 0.0, [])
+        made: list[int] = []
+        compare_levels(problem, found, groups, 2, done=made.append)
+        assert sum(made) == level_drapes(groups, 2) == 16
+
     def test_samples_are_measured_by_their_own_protocol(self, problem, monkeypatch):
         """The same outlines in pixels of another size, beside drapes that are seen by the release's."""
         angle = np.arange(720) * 2 * np.pi / 720
@@ -259,6 +292,17 @@ class TestPopulation:
         assert (draped.cloths[first] == draped.cloths[second]).all()
         assert (draped.levels[first] != draped.levels[second]).all()
 
+    @pytest.mark.parametrize("count", [2048, 2049])
+    def test_the_number_of_drapes_is_known_before(self, problem, monkeypatch, count):
+        def first_cloth(problem, taus, done):
+            done(len(taus))
+            return [0, count], np.zeros((2, len(STATISTICS)))
+
+        made: list[int] = []
+        monkeypatch.setattr(derivation, "drape_statistics_of", first_cloth)
+        drape_population(problem, count, made.append)
+        assert sum(made) == PopulationPlan(cloths=count).drapes
+
     @pytest.mark.parametrize("law", ["plate", "paper"])
     def test_cloths_are_drawn_by_the_law_that_is_asked_for_on_its_mesh(self, law):
         asked = population_problem(PopulationPlan(law, vertices=97))
@@ -283,3 +327,83 @@ class TestPopulation:
     def test_no_fabric_of_the_tables_is_among_them(self):
         named = {f"fabric_{number}" for number in range(1, 6)}
         assert not set(FABRICS) & {*named, "fabric_1_observations", *CLOTHS}
+
+
+class TestCommand:
+    @pytest.fixture
+    def shown(self, monkeypatch) -> dict[str, float]:
+        """What the command's bar is told: all drapes, and those that are made. Nothing is draped for it."""
+        told, angle = {"done": 0.0}, np.arange(720) * 2 * np.pi / 720
+
+        class Told:
+            def advance(self, count: float) -> None:
+                told["done"] += count
+
+        @contextmanager
+        def bar(what: str, total: float) -> Iterator[Told]:
+            told["total"] = total
+            yield Told()
+
+        def derived(groups, plan, *, done):
+            done(plan.drapes)
+            places = {group.fabric: population_problem(plan).space.leading.origin for group in groups}
+            return Population(shipped(), places, {"bending": (0.5, 1.0)}, {"grain": 0.1}, 0.2, [])
+
+        def drawn(self, taus):
+            waves = (0.12 + 0.004 * np.cos(8 * angle + place) for place in range(len(taus)))
+            return [Observation(np.zeros((3, 3)), silhouette(wave), 0.0) for wave in waves]
+
+        monkeypatch.setattr(command, "progress_bar", bar)
+        monkeypatch.setattr(derivation, "FABRICS", ("fabric_1", "fabric_2"))
+        monkeypatch.setattr(derivation, "derive_population", derived)
+        monkeypatch.setattr(DrapeProblem, "draw_batch", drawn)
+        return told
+
+    def test_report_is_written_and_the_time_left_can_be_told(self, shown, tmp_path):
+        words = [
+            "--data",
+            "synthetic",
+            "--vertices",
+            "97",
+            "--specimens",
+            "3",
+            "--out",
+            str(tmp_path / "out"),
+            "--json",
+        ]
+        result = CliRunner().invoke(app, ["population", *words])
+        assert result.exit_code == 0, result.output
+        assert shown["done"] == shown["total"] == 3072 + 2 * 5 * 3, (
+            "both faces of two fabrics, up 3, turned over 2 times"
+        )
+        document = json.loads(result.stdout)
+        assert json.loads((tmp_path / "out" / "population.json").read_text()) == document
+        table = pd.read_csv(tmp_path / "out" / "levels.csv")
+        assert table["of"].tolist() == ["samples", "simulated"] * 4
+        assert table["dc"].tolist() == pytest.approx([row["dc"] for row in document["levels"]])
+        assert np.asarray(Image.open(tmp_path / "out" / "levels.png").convert("L")).std() > 5
+        assert (tmp_path / "out" / "expected_statistics.npz").is_file()
+
+    def test_picture_has_real_and_simulated_samples_in_one_row_a_fabric(self):
+        own = {"dc": 60.0, "dc_sd": 2.0, "folds": 8.0, "folds_sd": 1.0, "depth_mm": 5.0}
+        own |= {"other_mse": 0.04, "repeat_mse": np.nan, "flip_mse": np.nan, "dc_drift": -1.0}
+        names = [("a", "False"), ("a", "True"), ("b", "False")]
+        rows = [
+            {
+                "fabric": fabric,
+                "turned": turned,
+                "of": of,
+                **own,
+                "dc": own["dc"] + 5 * place + 20 * (of == "simulated"),
+            }
+            for place, (fabric, turned) in enumerate(names)
+            for of in ("samples", "simulated")
+        ]
+        figure = population_levels_figure("law plate", rows)
+        axis = figure.axes[0]
+        assert [tick.get_text() for tick in axis.get_yticklabels()] == ["a", "a, turned", "b"]
+        for container, more in zip(axis.containers, (0, 20), strict=True):
+            x, y = container.lines[0].get_data()
+            assert list(x) == [60 + more, 65 + more, 70 + more]
+            assert np.round(np.asarray(y, dtype=float)).tolist() == [0, 1, 2]
+        assert [text.get_text() for text in axis.get_legend().get_texts()] == ["samples", "simulated"]

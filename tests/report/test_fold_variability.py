@@ -13,6 +13,7 @@ from toy_cloths import write_image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.cli.fit import paper
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.leaderboard import load_cells
@@ -46,12 +47,37 @@ class TestFoldVariability:
             assert 0 < turned["pair_mse_ratio_error"] < 1
             assert still["pair_mse_ratio"] == pytest.approx(0, abs=1e-12)
 
+    def test_each_cloth_that_is_looked_at_is_told(self, run, toy_dataset):
+        told: list[None] = []
+        fold_variability(load_cells(run), toy_dataset, done=lambda: told.append(None))
+        assert len(told) == len(CLOTHS)
+
     def test_the_ratio_of_all_cloths_is_that_of_the_means(self, run, toy_dataset):
         rows = self.rows(run, toy_dataset)
         one, other = (rows[cloth, SAMPLES] for cloth in CLOTHS)
         mean = rows[ALL, SAMPLES]
         assert mean["pair_mse"] == pytest.approx((one["pair_mse"] + other["pair_mse"]) / 2)
         assert mean["pair_mse_error"] == pytest.approx(np.hypot(one["pair_mse_error"], other["pair_mse_error"]) / 2)
+
+    def test_the_mean_number_of_folds_is_compared_with_that_of_the_samples(self, run, toy_dataset):
+        other = held_out_images(toy_dataset, CLOTHS[1])
+        write_cell(run, toy_dataset, "swapped", CLOTHS[0], other)
+        write_cell(run, toy_dataset, "swapped", CLOTHS[1], held_out_images(toy_dataset, CLOTHS[0]))
+        rows = self.rows(run, toy_dataset)
+        folds = [rows[cloth, SAMPLES]["folds"] for cloth in CLOTHS]
+        assert folds == pytest.approx([7, 10], abs=0.5)
+        for cloth, mean in zip(CLOTHS, reversed(folds), strict=True):
+            assert rows[cloth, "turned"]["folds_off"] == pytest.approx(0, abs=1e-9)
+            assert rows[cloth, "swapped"]["folds"] == pytest.approx(mean)
+            assert rows[cloth, "swapped"]["folds_off"] == pytest.approx(folds[1] - folds[0])
+        swapped = rows[ALL, "swapped"]
+        assert swapped["folds"] == pytest.approx(np.mean(folds)), "on average they are right"
+        assert swapped["folds_off"] == pytest.approx(folds[1] - folds[0]), "but not in either cloth"
+        table = variability_table(list(rows.values()))
+        off = [column.head for column in table.columns].index("off by")
+        shown = {entry[:2]: entry[off] for entry in table.entries}
+        assert shown[ALL, SAMPLES] == ""
+        assert shown[ALL, "swapped"].startswith(f"{folds[1] - folds[0]:.1f}")
 
     def test_a_solver_that_lacks_a_cloth_is_read_against_the_cloths_that_it_has(self, run, toy_dataset):
         samples = held_out_images(toy_dataset, CLOTHS[1])
@@ -85,7 +111,15 @@ def _twice(image: np.ndarray) -> np.ndarray:
     return image.repeat(2, axis=0).repeat(2, axis=1)
 
 
-def test_table_1_writes_the_variability_of_its_draws(toy_data, tmp_path):
+def test_table_1_writes_the_variability_of_its_draws(toy_data, tmp_path, monkeypatch):
+    steps: list[float | None] = []
+    shown = paper.progress_bar
+
+    def bar(what: str, total: float | None = None):
+        steps.append(total)
+        return shown(what, total)
+
+    monkeypatch.setattr(paper, "progress_bar", bar)
     words = ["--vertices", "100", "--steps", "20", "--budget", "4", "--draws", "8", "--solver", "null:random-phase"]
     words += ["--solver", "null:disc", "--cloth", CLOTHS[0], "--json"]
     result = CliRunner().invoke(app, ["paper", "table-1", "--data", str(toy_data), "--out", str(tmp_path), *words])
@@ -95,3 +129,4 @@ def test_table_1_writes_the_variability_of_its_draws(toy_data, tmp_path):
     assert json.loads(result.stdout)["variability"] == rows
     assert len((tmp_path / "table-1-variability.csv").read_text().splitlines()) == 1 + len(rows)
     assert "| samples |" in (tmp_path / "table-1-variability.md").read_text()
+    assert steps == [1], "one cloth, so that the time left can be told"

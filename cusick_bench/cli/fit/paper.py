@@ -39,7 +39,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.options import Budget as DrapesBudget
-from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.progress import Bar, progress_bar
 from cusick_bench.files.json_text import json_text
 from cusick_bench.problem import Budget
 from cusick_bench.runner import RunnerError
@@ -132,11 +132,11 @@ def table_1(
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     grid = _Grid("table-1", source, cloth, solver, settings, draws, range(seed, seed + seeds), workers, out, force)
     cells, left_out = _run(grid)
-    with _setting(out):
+    with _setting(out, cells.table["cloth"].nunique()) as bar:
         (board,) = leaderboards(cells, by="test_mse")
         table = make_table("table-1", cells, board, notes=left_out)
         _write(table, out, {})
-        spread = fold_variability(cells, load_once(source))
+        spread = fold_variability(cells, load_once(source), done=bar.advance)
         _write_variability(spread, provenance(board), out)
     _finish([table], cells, as_json, spread)
 
@@ -196,10 +196,10 @@ def table_2(
 
 
 @contextmanager
-def _setting(out: Path) -> Iterator[None]:
+def _setting(out: Path, steps: int | None = None) -> Iterator[Bar]:
     """While a table is set, which may take its time."""
-    with progress_bar("setting the table"), interruptible(f"all cells are kept in {out}", go_on=True):
-        yield
+    with progress_bar("setting the table", steps) as bar, interruptible(f"all cells are kept in {out}", go_on=True):
+        yield bar
 
 
 def _limit(budget: Budget) -> str:

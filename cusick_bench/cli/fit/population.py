@@ -9,10 +9,12 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import LAW, MOST_CASES, Data, Json, Law, Vertices, output_option, simulation_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made
+from cusick_bench.files.json_text import json_text
+from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 
 app = typer.Typer()
@@ -32,13 +34,17 @@ def population(
         int, simulation_option(min=2, max=MOST_CASES, help="Specimens that are draped of every fabric and face.")
     ] = 16,
     out: Annotated[
-        Path | None, output_option(help="Folder for `expected_statistics.npz`, which `bdp-field` begins with.")
+        Path | None,
+        output_option(
+            help="Folder for tables, a picture, and `expected_statistics.npz`, which `bdp-field` begins with."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Derive the priors of `bdp-field` again: how cloths differ, and how much samples of one cloth differ.
 
-    Makes some 3500 drapes. The numbers that `bdp-field` uses are in `cusick_bench.problem.cloth_prior`.
+    Makes some 3500 drapes. The numbers that `bdp-field` uses are in `cusick_bench.problem.cloth_prior`. OUT gets
+    levels.csv and levels.png, simulated samples beside real ones, and population.json, all that --json prints.
     """
     from cusick_bench.problem.population.derivation import (
         PopulationPlan,
@@ -46,19 +52,22 @@ def population(
         population_problem,
         population_samples,
     )
-    from cusick_bench.problem.population.levels import compare_levels
+    from cusick_bench.problem.population.levels import compare_levels, level_drapes
 
     plan = PopulationPlan(law.value, vertices, cloths)
     groups = population_samples(data)
-    with interruptible("nothing was written"), folder_made(out), progress_bar("draping", None) as bar:
+    drapes = plan.drapes + level_drapes(groups, specimens)
+    with interruptible("nothing was written"), folder_made(out), progress_bar("draping", drapes) as bar:
         found = derive_population(groups, plan, done=bar.advance)
         levels = compare_levels(population_problem(plan), found, groups, specimens, done=bar.advance)
+    document = {name: value for name, value in asdict(found).items() if name not in ("expected", "places")}
+    places = {name: place.tolist() for name, place in found.places.items()}
+    document = {"law": law.value, "vertices": vertices, **document, "places": places, "levels": levels}
     if out is not None:
         found.expected.save(out / "expected_statistics.npz")
+        _write(document, out)
     if as_json:
-        document = {name: value for name, value in asdict(found).items() if name not in ("expected", "places")}
-        places = {name: place.tolist() for name, place in found.places.items()}
-        print_json({"law": law.value, "vertices": vertices, **document, "places": places, "levels": levels})
+        print_json(document)
         return
     table = Table("number", "mean", "sd", title=f"population by law {law.value}, {vertices} vertices")
     for name, (mean, spread) in found.traits.items():
@@ -68,6 +77,20 @@ def population(
     table.add_row("log stiffness between samples of one cloth", "", f"{found.level:.3g}")
     output.print(table)
     output.print(_levels_table(levels))
+
+
+def _write(document: dict[str, Any], out: Path) -> None:
+    """Writes the report of a population."""
+    import pandas as pd
+
+    from cusick_bench.files.csv_text import csv_text
+    from cusick_bench.report.figures.population_levels import save_population_levels
+
+    levels = document["levels"]
+    for file, text in {"population.json": json_text(document), "levels.csv": csv_text(pd.DataFrame(levels))}.items():
+        write_atomically(out / file, text.encode())
+    save_population_levels(out / "levels.png", f"law {document['law']}, {document['vertices']} vertices", levels)
+    tell(f"wrote {out / 'levels.png'}, levels.csv, population.json and expected_statistics.npz beside it")
 
 
 def _levels_table(levels: list[dict[str, Any]]) -> Table:

@@ -2,7 +2,8 @@
 
 For a set of silhouettes: the mean squared error of pairs, which is mostly due to folds in other places, and the
 standard deviations of the drape coefficient and of the number of folds. Draws that differ only in independent elements
-hardly differ; real samples do. Each number has its jackknife standard error, as there are only a dozen samples.
+hardly differ; real samples do. The mean number of folds stands beside them. Each number has its jackknife standard
+error, as there are only a dozen samples.
 
 References:
     B. Efron, C. Stein. The jackknife estimate of variance. Annals of Statistics 9 (1981), 586-596.
@@ -41,12 +42,14 @@ class Variability:
         pair_mse: Mean squared error of two of them; see `mse`.
         dc_sd: Standard deviation of the drape coefficient.
         folds_sd: Standard deviation of the number of folds.
+        folds: Its mean.
     """
 
     drapes: int
     pair_mse: Spread
     dc_sd: Spread
     folds_sd: Spread
+    folds: Spread
 
 
 def variability(images: Images, protocol: Protocol = RELEASE) -> Variability:
@@ -78,6 +81,7 @@ def variability(images: Images, protocol: Protocol = RELEASE) -> Variability:
         _jackknife(lambda kept: _mean_pair(pairs[np.ix_(kept, kept)]), len(images)),
         _jackknife(deviation(coefficients), len(images)),
         _jackknife(deviation(folds), len(images)),
+        _jackknife(lambda kept: float(folds[kept].mean()), len(images)),
     )
 
 
@@ -95,7 +99,7 @@ def variability_rows(sets: Mapping[str, Images], protocol: Protocol = RELEASE) -
     for name, images in sets.items():
         found = variability(images, protocol)
         row: dict[str, str | float] = {"drapes_of": name, "drapes": found.drapes}
-        for measure in ("pair_mse", "dc_sd", "folds_sd"):
+        for measure in ("pair_mse", "dc_sd", "folds_sd", "folds"):
             spread: Spread = getattr(found, measure)
             row |= {measure: spread.value, f"{measure}_error": spread.error}
         rows.append(row)

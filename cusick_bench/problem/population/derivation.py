@@ -105,6 +105,11 @@ class PopulationPlan:
         if self.cloths < least:
             raise ProblemError(f"the regression needs at least {least} cloths, got {self.cloths}")
 
+    @property
+    def drapes(self) -> int:
+        """Number of drapes for the regression."""
+        return self.cloths + math.ceil(self.cloths / 2)
+
 
 @dataclass(frozen=True)
 class Population:
@@ -136,7 +141,7 @@ def derive_population(
     Args:
         groups: Samples of fabrics, see `population_samples`.
         plan: How much to drape, by which law.
-        done: Called with the number of drapes made, half as many again as `cloths` in all.
+        done: Called with the number of drapes made, `plan.drapes` in all.
 
     Returns:
         The population.

@@ -39,12 +39,13 @@ def compare_levels(
         population: Where the cloths were placed.
         groups: The samples.
         specimens: Number of specimens of each fabric and face, two or more.
-        done: Called with the number of drapes made.
+        done: Called with the number of drapes made, `level_drapes` in all.
 
     Returns:
         Rows, real and simulated in turn: `fabric`, `turned`, `of`, `drapes`, `dc` and `dc_sd` [points], `folds`,
-        `folds_sd`, `depth_mm`, and mean squared errors `other_mse`, `repeat_mse`, `flip_mse`; NaN where there is none,
-        of the two faces where they are not of the same samples.
+        `folds_sd`, `depth_mm`, mean squared errors `other_mse`, `repeat_mse`, `flip_mse`, and `dc_drift`, by how much
+        the drape coefficient changes from a drape to its repeat, in the mean [points]; NaN where there is none, of the
+        two faces where they are not of the same samples.
     """
     rows: list[dict[str, str | float]] = []
     space = field_space_of(problem)
@@ -64,6 +65,19 @@ def compare_levels(
         rows.append({**name, "of": "samples", **_described(group.images, group.repeats, flipped, group.protocol)})
         rows.append({**name, "of": "simulated", **_described(images, repeats, flips, problem.protocol)})
     return rows
+
+
+def level_drapes(groups: list[Samples], specimens: int) -> int:
+    """Number of drapes that `compare_levels` makes.
+
+    Args:
+        groups: The samples.
+        specimens: Number of specimens of each fabric and face.
+
+    Returns:
+        Three of each specimen face up, two of one that is turned over, which is not laid down again.
+    """
+    return specimens * sum(2 if group.turned else 3 for group in groups)
 
 
 def turned_over(space: FieldSpace, tau: Float[ndarray, " dimension"]) -> Float[ndarray, " dimension"]:
@@ -94,7 +108,7 @@ def _drape(problem: DrapeProblem, taus: ndarray, done: Callable[[int], None]) ->
 def _described(images: Images, repeats: Images | None, flips: Images | None, protocol: Protocol) -> dict[str, float]:
     rest = images[np.isfinite(images).all((1, 2))]
     statistics = drape_statistics(torch.as_tensor(rest), protocol).numpy()
-    coefficients = 100 / (1 + np.exp(-statistics[:, _AREA]))
+    coefficients = _coefficients(statistics)
     folds = np.array([float(fold_count_of(profile_of(image, protocol), protocol)) for image in rest])
     pairs = [_mse(a, b, protocol) for i, a in enumerate(rest) for b in rest[:i]]
     return {
@@ -107,7 +121,22 @@ def _described(images: Images, repeats: Images | None, flips: Images | None, pro
         "other_mse": float(np.mean(pairs)),
         "repeat_mse": math.nan if repeats is None else _mse(images, repeats, protocol),
         "flip_mse": math.nan if flips is None else _mse(images, flips[:, :, ::-1], protocol),  # mirrored back
+        "dc_drift": math.nan if repeats is None else _drift(images, repeats, protocol),
     }
+
+
+def _coefficients(statistics: Float[ndarray, "samples statistics"]) -> Float[ndarray, " samples"]:
+    """Drape coefficients [points]."""
+    return 100 / (1 + np.exp(-statistics[:, _AREA]))
+
+
+def _drift(images: Images, repeats: Images, protocol: Protocol) -> float:
+    """Mean change of the drape coefficient from drapes to their repeats [points], without drapes that failed."""
+    both = np.isfinite(images).all((1, 2)) & np.isfinite(repeats).all((1, 2))
+    if not both.any():
+        return math.nan
+    before, after = (drape_statistics(torch.as_tensor(one[both]), protocol).numpy() for one in (images, repeats))
+    return float((_coefficients(after) - _coefficients(before)).mean())
 
 
 def _mse(images: ndarray, others: ndarray, protocol: Protocol) -> float:
