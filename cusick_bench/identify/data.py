@@ -12,6 +12,7 @@ from cusick_bench.datasets import REGISTRY
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
 from cusick_bench.datasets.files.layout import is_hidden, is_image_folder, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
+from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.files.first_names import first_names
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
@@ -26,6 +27,35 @@ from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
 _MARKS = (PROTOCOL, FABRICS)
 _NEW = ".data"  # the data set that takes the place of the earlier one as soon as it is whole
+
+
+def require_same_folder(given: str, workspace: Workspace) -> None:
+    """Refuses a workspace with the answer about another folder, which would be lost.
+
+    One about a folder that is not there any more, since it was moved or renamed, gives way.
+
+    Args:
+        given: Folder, or name of a data set.
+        workspace: Where its answer is to lie.
+
+    Raises:
+        IdentifyError: The workspace holds the answer about another folder or data set.
+    """
+    try:
+        document = read_json_object(workspace.document, remedy="")
+    except BadFile:  # there is none, or a damaged one, which is written anew
+        return
+    folder, data = str(document.get("folder", "")), str(document.get("data", ""))
+    there = folder in REGISTRY or (bool(folder) and Path(folder).exists())
+    if there and _place(given) not in (_place(folder), _place(data)):
+        raise IdentifyError(
+            f"--out {workspace.out} holds the identification of {folder}, which that of {given} would replace; give "
+            f"another --out, or remove {workspace.document}"
+        )
+
+
+def _place(given: str) -> str | Path:
+    return given if given in REGISTRY else Path(given).resolve()
 
 
 def holds_photographs(folder: Path) -> bool:

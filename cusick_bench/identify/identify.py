@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.identify.comparison import compare
-from cusick_bench.identify.data import as_data_set
+from cusick_bench.identify.data import as_data_set, require_same_folder
 from cusick_bench.identify.diagnoses import Progress, diagnose_fabrics, fabric_folder
 from cusick_bench.identify.document import (
     Diagnosed,
@@ -213,13 +213,14 @@ def begin(
         The identification, whose steps follow.
 
     Raises:
-        CusickError: The folder is neither, a picture or table cannot be used, a cloth, solver or atlas is not there, or
-            there are too few vertices.
+        CusickError: The folder is neither, a picture or table cannot be used, a cloth, solver or atlas is not there,
+            there are too few vertices, or the workspace holds the answer about another folder.
     """
     workspace = Workspace(out)
     make_solver(options.solver)  # a wrong command line is told before anything is written
     cloth_mesh("plate", options.vertices)
     load_atlas(atlas)
+    require_same_folder(given, workspace)
     data, preparation = as_data_set(given, workspace, text or SettingText(), image_size, photographs, prepared)
     source = Source(data)
     dataset = load_afresh(source)

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.audit.limits import UNMEASURED
+from cusick_bench.datasets.files.layout import beside
+from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.datasets.impossible import impossible, listed
 from cusick_bench.datasets.index import UNNUMBERED
+from cusick_bench.datasets.registry import registered_in
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
@@ -206,6 +209,12 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
         todo.append(
             "Print the board (cusick-bench data board) and photograph it on the plate: the bare plate alone does not "
             "tell a tilt of the camera."
+        )
+    if registered_in(dataset.root) is None and beside(dataset.root, PROTOCOL) is None:
+        todo.append(
+            f"Write {PROTOCOL} beside the data unless your sizes and scale are those of the public release (cloth "
+            f"{2e3 * protocol.cloth_radius_m:g} mm, plate {2e3 * protocol.plate_radius_m:g} mm, "
+            f"{protocol.px_per_m:g} px/m), which are taken without it; docs/drape-meter.md says how."
         )
     if not protocol.has_standard_ratio:
         todo.append(

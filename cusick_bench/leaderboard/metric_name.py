@@ -33,6 +33,8 @@ HEADINGS = {
 
 GATED = ("train_mse", "test_mse", "test_hausdorff_m")
 """Default metrics of the regression gate; only three, since every further one makes the test less powerful."""
+NO_METRIC = "none (a metric is a column whose name begins with train_ or test_)"
+"""What tables of cells share that have no metric in common."""
 
 
 def metric_called(text: str, known: Sequence[str]) -> str:
@@ -58,4 +60,4 @@ def metric_called(text: str, known: Sequence[str]) -> str:
         if form in known:
             return form
     hint = did_you_mean(wanted, known) or did_you_mean(f"test_{wanted}", known)
-    raise LeaderboardError(f"unknown metric {text!r}; {hint}known are: {', '.join(known)}")
+    raise LeaderboardError(f"unknown metric {text!r}; {hint}known are: {', '.join(known) or NO_METRIC}")

@@ -119,7 +119,8 @@ class BdpField(Solver):
         seed, finished = int(generator.integers(2**63)), False
         paced = replace(problem.at_pace(self.pace), follow=False)  # every specimen is laid down by itself
         incumbent, inference = Incumbent(problem), ClothInference(paced, seed, self.samples)
-        progress(f"first answer: {_known_stiffness(problem, inference.before_drapes())}", problem.meter.share)
+        if problem.protocol.has_standard_ratio:  # as in the drapes that the expected statistics were learned from
+            progress(f"first answer: {_known_stiffness(problem, inference.before_drapes())}", problem.meter.share)
         with problem.meter.reserve(1):
             try:
                 inference.begin(match_bending_level(incumbent, self.search))

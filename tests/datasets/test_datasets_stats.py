@@ -310,3 +310,16 @@ def test_real_figures(real_data):
         if item.cloth == "viscose_white":
             assert item.order.correlation == pytest.approx(-0.80, abs=0.01)
             assert item.order.p == pytest.approx(0.0029, abs=2e-4)
+
+
+def test_info_says_by_which_sizes_and_scale_pictures_are_read(toy):
+    """Without protocol.json they are the release's, and no command told so."""
+    shown = " ".join(CliRunner().invoke(app, ["info", str(toy)]).stdout.split())
+    assert "cloth 300 mm, plate 180 mm, 723 px/m, parallel camera (the public release's, since there is no" in shown
+    nominal = {"cloth_radius_m": 0.12, "px_per_m": 800.0, "projection": "pinhole", "camera_height_m": 0.9}
+    (toy / "protocol.json").write_text(json.dumps(nominal))
+    result = CliRunner().invoke(app, ["info", str(toy)], env={"COLUMNS": "300"})
+    assert "cloth 240 mm, plate 180 mm, 800 px/m, pinhole camera 0.9 m above the plate (" in result.stdout
+    assert f"({toy / 'protocol.json'})" in result.stdout
+    document = json.loads(CliRunner().invoke(app, ["info", str(toy), "--json"]).stdout)
+    assert nominal.items() <= document["protocol"].items()

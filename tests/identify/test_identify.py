@@ -13,6 +13,7 @@ from identify_command import CHEAP, identify, said
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.stats import statistics
+from cusick_bench.identify.data import require_same_folder
 from cusick_bench.identify.diagnoses import diagnose_fabrics
 from cusick_bench.identify.document import IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
@@ -127,6 +128,27 @@ def test_what_is_finished_is_not_made_again(answer, lab, out, atlas):
     other = identify(lab, "--out", out, "--atlas", atlas, *CHEAP, "--seed", "1", "--cloth", "fabric_2")
     assert other.exit_code == 0, other.output
     assert len([*out.glob("run/cells/*/done")]) == 3
+
+
+def test_the_answer_about_another_folder_is_not_replaced(lab, atlas, tmp_path, monkeypatch):
+    """By the default --out a laboratory's second folder of photographs took the first one's place, without a word."""
+    monkeypatch.chdir(lab.parent)
+    other, document = shutil.copytree(lab, tmp_path / "other"), Workspace(tmp_path / "out").document
+    document.parent.mkdir()
+    document.write_text(json.dumps({"folder": lab.name, "data": str(lab)}))
+    refused = identify(other, "--out", tmp_path / "out", "--atlas", atlas, *CHEAP)
+    assert refused.exit_code == 2, refused.output
+    assert f"holds the identification of {lab.name}, which that of {other} would replace; give another --out" in said(
+        refused
+    )
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["identify.json"]
+    for same in (lab.name, str(lab), f"{lab}/data/.."):
+        require_same_folder(same, Workspace(tmp_path / "out"))
+    document.write_text(json.dumps({"folder": str(tmp_path / "renamed"), "data": str(tmp_path / "renamed")}))
+    require_same_folder(str(other), Workspace(tmp_path / "out"))
+    document.write_text(json.dumps({"folder": "synthetic", "data": "elsewhere"}))
+    with pytest.raises(IdentifyError, match="holds the identification of synthetic"):
+        require_same_folder(str(lab), Workspace(tmp_path / "out"))
 
 
 def test_a_damaged_diagnosis_is_made_anew(lab, atlas, tmp_path):

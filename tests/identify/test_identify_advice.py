@@ -71,6 +71,16 @@ def test_samples_for_a_diagnosis_are_of_the_size_that_it_knows(lab, cloth, advis
     assert any(step.startswith("Cut 2 more samples") for step in more) != advised
 
 
+def test_a_data_set_without_a_protocol_is_told_whose_sizes_it_has(lab, tmp_path):
+    """Pictures at another scale than the release's had wrong drape coefficients, and nothing named the scale."""
+    (step,) = (step for step in laboratory_next(load(lab), None) if "protocol.json" in step)
+    assert "those of the public release (cloth 300 mm, plate 180 mm, 723 px/m)" in step
+    described = shutil.copytree(lab, tmp_path / "lab")
+    (described / "protocol.json").write_text("{}")
+    for known in (described, described / "data", "synthetic"):
+        assert not any("protocol.json" in step for step in laboratory_next(load(known), None))
+
+
 def test_pictures_that_cannot_be_used_are_not_forced(lab):
     missing = "none of its pictures can be used; `cusick-bench data audit` says why"
     steps = fabric_next(load(lab), "fabric_2", Drapes(samples=3, silhouettes=3, units=0, unusable=3), missing, None, 0)

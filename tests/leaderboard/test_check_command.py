@@ -119,7 +119,7 @@ class TestCommand:
     def test_the_same_cell_twice_is_refused(self, files, tmp_path):
         table = read_cells(files[0])
         write_baseline(pd.concat([table, table.iloc[:1]]), tmp_path / "double.csv", [])
-        with pytest.raises(LeaderboardError, match="more than once"):
+        with pytest.raises(LeaderboardError, match="more than once; keep one of them, or give repeats seeds"):
             read_cells(tmp_path / "double.csv")
 
     @pytest.mark.parametrize(
@@ -195,6 +195,30 @@ class TestCommand:
             shown = CliRunner().invoke(app, ["check", *map(str, words)]).output
             assert f"x {factor:g}" in shown
             assert "%" not in shown.split("could see")[1].split("A regression")[0]
+
+    def test_a_metric_that_this_project_does_not_know_is_said_to_be_better_where_smaller(self, tmp_path):
+        """An accuracy that had halved was no regression, and nothing said why."""
+        for name, factor in (("run", 0.5), ("baseline", 1.0)):
+            lines = [f"a,{cloth},0,{factor * value}" for cloth, value in (("x", 0.9), ("y", 0.8), ("z", 0.7))]
+            (tmp_path / f"{name}.csv").write_text("\n".join(["solver,cloth,seed,test_accuracy", *lines]) + "\n")
+        words = (tmp_path / "run.csv", "--against", tmp_path / "baseline.csv")
+        status, document = self.check(*words, "--metric", "accuracy")
+        assert status == 0
+        (told,) = (note for note in document["notes"] if "Smaller" in note)
+        assert told.startswith("Smaller is taken to be better in test_accuracy; ")
+        status, refused = self.check(*words)
+        assert status == 2
+        assert "both hold only test_accuracy" in " ".join(refused["error"].split())
+
+    @pytest.mark.parametrize("options", [[], ["--metric", "mse"]])
+    def test_a_table_without_a_metric_is_told_what_names_metrics_have(self, tmp_path, options):
+        """It said `known are: ` and nothing."""
+        (tmp_path / "run.csv").write_text("solver,cloth,seed,mse\na,x,0,0.02\n")
+        result = CliRunner().invoke(
+            app, ["check", str(tmp_path / "run.csv"), "--against", str(tmp_path / "run.csv"), *options]
+        )
+        assert result.exit_code == 2
+        assert "none (a metric is a column whose name begins with train_ or test_)" in " ".join(result.output.split())
 
     def test_help_says_what_the_statuses_mean(self):
         text = " ".join(CliRunner().invoke(app, ["check", "--help"]).output.split())

@@ -230,6 +230,19 @@ def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_int
     assert "the bare plate is not found" in " ".join(prepared.output.split())  # not that the folder is not empty
 
 
+def test_a_filled_template_is_read_where_it_was_written(tmp_path):
+    """Without --weights it was not, and all outlines were found before the weights were missed."""
+    folder, out = _folder(tmp_path, DRAPE, "plate.jpg"), tmp_path / "set"
+    words = ["data", "prepare", str(folder), "--out", str(out)]
+    assert CliRunner().invoke(app, [*words, "--template"]).exit_code == 0
+    (out / "weights.csv").write_text("fabric,weight,thickness\n1,180,\n")
+    told = " ".join(CliRunner().invoke(app, words).output.split())
+    assert "weights.csv, line 2: weight must be a number > 0 with a unit" in told
+    (folder / "weights.csv").write_text("fabric,weight,thickness\n1,180 g/m2,\n")
+    told = " ".join(CliRunner().invoke(app, words).output.split())
+    assert "the bare plate is not found" in told  # the photographs' own table goes before it
+
+
 def test_no_folder(tmp_path):
     assert "is no folder" in _refused(tmp_path / "nowhere", tmp_path)
 

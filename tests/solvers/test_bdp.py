@@ -9,6 +9,7 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.profile import drape_coefficient
 from cusick_bench.problem import Budget, DrapeProblem, FieldSpace, Observation
 from cusick_bench.problem.cloth_prior import CLOTH, MODES, trait_entry
@@ -282,6 +283,16 @@ class TestLearning:
         assert said[-2] == "draping draws, 0 of 1", "no word of the search stays while draws are draped"
         (fitting,) = (message for message in said if message.startswith("fitting"))
         assert re.match("fitting the training silhouette; bending .* µN m, .* to ", fitting)
+
+    @pytest.mark.parametrize(("cloth", "answers"), [(0.15, 1), (0.14, 0)])
+    def test_bdp_field_has_a_first_answer_for_the_plate_that_it_knows(self, cloth, answers):
+        """For 24 cm over 18 cm it said 191 µN m, 94 to 720, of a cloth of 40."""
+        said = []
+        problem = toy_problem(space="field", budget=Budget(24), protocol=replace(RELEASE, cloth_radius_m=cloth))
+        solver = make_solver("bdp-field,draws=1,first=4,rounds=0,search=2,refinement=0")
+        solver.solve(problem, np.random.default_rng(0), progress=lambda message, share: said.append(message))
+        assert sum(message.startswith("first answer: bending ") for message in said) == answers
+        assert any(message.startswith("inference") for message in said)
 
     def test_bdp_field_writes_the_stiffness_of_stiff_cloth_without_exponents(self):
         """Of canvas it said `1.02e+03 µN m, 6.8e+02 to 1.5e+03`."""

@@ -118,6 +118,7 @@ def info_command(
                 "licence": registered.licence if registered else None,
                 "citation": registered.citation if registered else None,
                 "corrected": list(dataset.corrected),
+                "protocol": dataset.protocol.document(),
                 "silhouettes": len(dataset),
                 "cloths": rows,
             }
@@ -125,6 +126,7 @@ def info_command(
         return
     output.print(f"{dataset.name}: {len(dataset)} silhouettes in {dataset.root}")
     output.print(f"sha256 {dataset.content_hash}")
+    output.print(_nominal(dataset), soft_wrap=True)
     heads = ("fabric", "samples", "images", "meshes", "faces", "repeats", "kg/m2", "mm")
     table = Table(
         Column("cloth", no_wrap=True),
@@ -143,6 +145,20 @@ def info_command(
             _number(row["thickness_m"], ".2f", 1e3),
         )
     output.print(table)
+
+
+def _nominal(dataset: DrapeDataset) -> str:
+    """Sizes, scale and camera by which the pictures are read, and where they are from."""
+    from cusick_bench.datasets.files.layout import beside
+    from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
+
+    protocol = dataset.protocol
+    height = f" {protocol.camera_height_m:g} m above the plate" if protocol.projection == "pinhole" else ""
+    source = beside(dataset.root, PROTOCOL) or f"the public release's, since there is no {PROTOCOL}"
+    return (
+        f"cloth {2e3 * protocol.cloth_radius_m:g} mm, plate {2e3 * protocol.plate_radius_m:g} mm, "
+        f"{protocol.px_per_m:g} px/m, {protocol.projection} camera{height} ({source})"
+    )
 
 
 def _contents(dataset: DrapeDataset, cloth: str) -> dict[str, Any]:

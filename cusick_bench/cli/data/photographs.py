@@ -87,6 +87,8 @@ def prepare(
         (out / TABLE).write_text(table_text(fabrics), encoding="utf-8")
         print_json({"table": out / TABLE}) if as_json else output.print(f"fill in {out / TABLE}, give it as --weights")
         return
+    if weights is None and not (photographs / TABLE).is_file() and (out / TABLE).is_file():
+        weights = out / TABLE  # where --template has put it
     text = SettingText(
         tuple(weight or ()), weights, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler
     )

@@ -38,7 +38,10 @@ def check_command(
     against: Annotated[Path, typer.Option(help="Baseline: a CSV or JSON file of cells, or another run's folder.")],
     metric: Annotated[
         list[str] | None,
-        typer.Option(help=f"Metric to compare, in full or short; repeatable; by default {', '.join(GATED)}."),
+        typer.Option(
+            help="Metric to compare, of which smaller is better, in full or short; repeatable; "
+            f"by default {', '.join(GATED)}."
+        ),
     ] = None,
     level: Annotated[float, typer.Option(help="Family-wise probability of a false alarm.")] = 0.05,
     minimum: Annotated[float, typer.Option("--minimum-effect", help="Least relative change that matters.")] = 0.02,

@@ -65,10 +65,10 @@ def read_cells(path: Path) -> pd.DataFrame:
     table = _numbered(table)
     double = table.duplicated(["solver", "cloth", "repeat"], keep=False)
     if double.any():
-        first = table.loc[double].iloc[0]
+        first, of_run = table.loc[double].iloc[0], "compare runs of one command, each in its own folder"
         raise LeaderboardError(
             f"{path} holds {first['solver']} on {first['cloth']}, seed {first['seed']}, more than once; "
-            "compare runs of one command, each in its own folder"
+            f"{of_run if path.is_dir() else 'keep one of them, or give repeats seeds of their own'}"
         )
     return table
 

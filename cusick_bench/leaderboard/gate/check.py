@@ -22,7 +22,7 @@ from cusick_bench.leaderboard.cells.variants import values_in_words
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
 from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, holm
-from cusick_bench.leaderboard.metric_name import GATED
+from cusick_bench.leaderboard.metric_name import GATED, NO_METRIC
 from cusick_bench.leaderboard.order import Direction, direction
 
 
@@ -168,7 +168,7 @@ def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> li
     if not shared or (gate.metrics != GATED and len(shared) < len(gate.metrics)):
         raise LeaderboardError(
             f"run and baseline must both hold {', '.join(gate.metrics)}; both hold only "
-            f"{', '.join(metrics_of_both(run, baseline)) or 'none'}"
+            f"{', '.join(metrics_of_both(run, baseline)) or NO_METRIC}"
         )
     return shared
 
@@ -336,6 +336,11 @@ def _notes(findings: Sequence[Finding], gate: Gate) -> Iterator[str]:
         f"A regression is a change for the worse of at least {100 * gate.minimum:g} % that is real at a family-wise "
         f"level of {100 * gate.level:g} % (Holm over {tests} tests, paired by cloth and shared seed)."
     )
+    if others := [name for name in gate.metrics if name not in GATED]:
+        yield (
+            f"Smaller is taken to be better in {', '.join(others)}; of what is better where it is larger, such as an "
+            "accuracy, compare the error."
+        )
     blind = [f"{f.solver} {f.metric}" for f in compared if f.verdict == "undecided"]
     if blind:
         yield f"Too few cells to tell anything of {', '.join(blind)}: add cloths or seeds."
