@@ -8,6 +8,8 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.problem import (
     LOSSES,
@@ -154,6 +156,16 @@ class TestLosses:
         assert radius_profile(image).numpy() == pytest.approx(0.11, abs=2e-4)
         wider = torch.as_tensor(silhouette(np.full(720, 0.116)))
         assert LOSSES["profile"](wider, image).item() == pytest.approx(0.01, rel=0.02)
+
+    @pytest.mark.parametrize("image_y", ["up", "down"])
+    @pytest.mark.parametrize("projection", ["parallel", "pinhole"])
+    def test_radii_are_those_that_the_data_are_measured_by(self, image_y, projection):
+        """Counter-clockwise from +x about the plate's axis, wherever it lies and whichever way y points."""
+        protocol = Protocol(px_per_m=700.0, centre_px=(120.0, 131.5), image_y=image_y, projection=projection)
+        angle = np.arange(720) * (np.pi / 360)
+        image = silhouette(0.115 + 0.008 * np.cos(5 * angle - 1.0) + 0.004 * np.sin(2 * angle), protocol)
+        radii = radius_profile(torch.as_tensor(image), protocol).numpy()
+        assert radii == pytest.approx(profile_of(image, protocol).radii[::2], abs=5e-4)
 
 
 class TestLaying:

@@ -77,6 +77,16 @@ def test_bobyqa_descends():
     assert problem.meter.best_loss < 0.7 * start
 
 
+def test_nlopt_begins_where_its_search_for_the_level_has_ended():
+    problem = toy_problem(budget=Budget(6))
+    answer_of("nlopt:LN_BOBYQA,search=4", problem)
+    searched, first = problem.meter.trace[:4], problem.meter.trace[4]
+    best = min(searched, key=lambda evaluation: evaluation.loss)
+    assert [evaluation.kind for evaluation in searched] == ["drape"] * 4
+    assert (first.kind, first.digest) == ("loss", best.digest)
+    assert best is not searched[0], "the search begins at the prior median, too"
+
+
 def test_adam_and_lbfgs_each_descend_alone():
     for stage in (lambda i: adam(i, steps=15, rate=0.2), lambda i: lbfgs(i, iterations=8)):
         problem = toy_problem(budget=Budget())
