@@ -6,10 +6,16 @@ size in every cell, what it keeps grows by some 70 MB a cell: to gigabytes in a 
 
 import ctypes
 import gc
+import math
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
 
 _LONG = 1.0  # [s]; shorter work leaves little behind, and looking for it takes a tenth of a second
 
@@ -32,3 +38,11 @@ def return_memory() -> None:
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
         if trim is not None:
             trim(0)
+
+
+def most_memory() -> float:
+    """Most memory that this process has held so far [bytes]; NaN on Windows, where Python does not tell it."""
+    if resource is None:
+        return math.nan
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak if sys.platform == "darwin" else 1024 * peak)

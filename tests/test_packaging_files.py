@@ -1,9 +1,13 @@
 """What would be installed: every package and its data, under one version. CI builds the wheel and compares it too."""
 
+import hashlib
+import io
+import json
 import re
 import runpy
 import shutil
 import subprocess
+import tarfile
 import tomllib
 from pathlib import Path
 
@@ -53,6 +57,18 @@ def test_nothing_else_is_installed(monkeypatch: pytest.MonkeyPatch, wanted: set[
 def test_a_nested_package_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch, wanted: set[str]):
     monkeypatch.setattr(setuptools, "find_packages", lambda *_args, **_options: [])
     assert "cusick_bench/sim/engine/dynamics/drop.py" in wanted - _installed(monkeypatch, ROOT)
+
+
+@pytest.mark.usefixtures("wanted")
+def test_the_shipped_set_is_checked_out_with_its_bytes_where_git_ends_lines_as_windows_does():
+    """Git for Windows does so by default, and no command took the set, whose checksums did not fit any more."""
+    command = ["git", "-c", "core.autocrlf=true", "archive", "--worktree-attributes", "HEAD", "datasets/synthetic"]
+    packed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout
+    with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+        contents = {one.name: archive.extractfile(one).read() for one in archive if one.isfile()}
+    listed = json.loads(contents["datasets/synthetic/sha256.json"])
+    found = {name: hashlib.sha256(contents[f"datasets/synthetic/{name}"]).hexdigest() for name in listed}
+    assert found == listed
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="needs make")

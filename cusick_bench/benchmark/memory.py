@@ -1,14 +1,13 @@
 """Peak memory of one case, measured in a process of its own."""
 
 import gc
-import resource
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec
 
 from cusick_bench.runner.environment import cores
 from cusick_bench.runner.processes import process_pool
+from cusick_bench.sim.memory import most_memory
 
 P = ParamSpec("P")
 
@@ -22,27 +21,21 @@ def _held(line: str) -> int:
     return 1024 * int(words[1])
 
 
-def _peak_ever() -> int:
-    """Most memory that this process has held so far [bytes]."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
-
-
-def _peak(prepare: Callable[P, Callable[[], object]], *args: P.args, **kwargs: P.kwargs) -> int:
+def _peak(prepare: Callable[P, Callable[[], object]], *args: P.args, **kwargs: P.kwargs) -> float:
     case = prepare(*args, **kwargs)
     gc.collect()
     if not _RESET.exists():
-        before = _peak_ever()
+        before = most_memory()
         case()
-        return _peak_ever() - before
+        return most_memory() - before
     before = _held("VmRSS")
     _RESET.write_text("5")
     case()
     return _held("VmHWM") - before
 
 
-def peak_of(prepare: Callable[P, Callable[[], object]], *args: P.args, **kwargs: P.kwargs) -> int:
-    """Memory that a case takes beyond a process that is ready for it [bytes].
+def peak_of(prepare: Callable[P, Callable[[], object]], *args: P.args, **kwargs: P.kwargs) -> float:
+    """Memory that a case takes beyond a process that is ready for it [bytes]; NaN where no system tells it.
 
     Args:
         prepare: Function of a module that gets everything ready and returns the case.

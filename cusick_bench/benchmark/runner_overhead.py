@@ -4,8 +4,6 @@ A cell is `null:disc` on the first shipped cloth, on a small mesh, with nothing 
 comparison. That comparison is the cell's own work; what is left is the runner's.
 """
 
-import resource
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.runner import Cell, ProblemSettings, Source, Unwatched, load_once, plan, run
+from cusick_bench.sim.memory import most_memory
 
 VERTICES = 97
 WARM = 20  # cells before memory is looked at: libraries are loaded with the first
-BYTES_A_UNIT = 1 if sys.platform == "darwin" else 1024  # of `ru_maxrss`
 
 
 @dataclass(frozen=True)
@@ -79,8 +77,7 @@ def runner_overhead(cells: int, out: Path, *, progress: Callable[[int], None] | 
 
 
 def _now() -> dict[str, float]:
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES_A_UNIT / 2**20
-    return {"wall": time.perf_counter(), "processor": time.process_time(), "memory": memory}
+    return {"wall": time.perf_counter(), "processor": time.process_time(), "memory": most_memory() / 2**20}
 
 
 class _Clock(Unwatched):

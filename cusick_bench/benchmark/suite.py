@@ -1,5 +1,6 @@
 """The whole benchmark: times, ratios, memory, gradients, start-up, against the targets that the engine is held to."""
 
+import math
 import subprocess
 import sys
 import time
@@ -427,6 +428,6 @@ def _targets(document: dict[str, Any], mesh: dict[str, Any]) -> Iterator[dict[st
         lower.append((name, near["times_faster"], 5.0))
     for rows, sign in ((upper, 1), (lower, -1)):
         for name, value, limit in rows:
-            met = None if value is None else bool(sign * value <= sign * limit)
+            met = None if value is None or math.isnan(value) else bool(sign * value <= sign * limit)
             bound = f"<= {limit:g}" if sign > 0 else f">= {limit:g}"
             yield {"target": name, "measured": value, "limit": bound, "met": met}

@@ -11,6 +11,7 @@ import logging
 import os
 import shlex
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
@@ -99,7 +100,9 @@ def command_with(*words: object) -> str:
     Returns:
         The line.
     """
-    return shlex.join(["cusick-bench", *map(str, words)])
+    line = ["cusick-bench", *map(str, words)]
+    # cmd.exe takes single quotes for part of a name, and `shlex` writes them about every backslash.
+    return subprocess.list2cmdline(line) if sys.platform == "win32" else shlex.join(line)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ def file_digest(path: Path) -> str:
 
 
 def digests_below(folder: Path) -> dict[str, str]:
-    """SHA-256 of all files below a folder.
+    """SHA-256 of all files below a folder, hidden ones left aside, such as those that macOS puts into every folder.
 
     Args:
         folder: The folder.
@@ -26,11 +26,13 @@ def digests_below(folder: Path) -> dict[str, str]:
     Returns:
         Hexadecimal digits by path, relative to it.
     """
-    return {path.relative_to(folder).as_posix(): file_digest(path) for path in folder.rglob("*") if path.is_file()}
+    paths = {path.relative_to(folder): path for path in folder.rglob("*") if path.is_file()}
+    shown = {name: path for name, path in paths.items() if not any(part.startswith(".") for part in name.parts)}
+    return {name.as_posix(): file_digest(path) for name, path in shown.items()}
 
 
 def folder_digest(folder: Path) -> str:
-    """SHA-256 of the names and bytes of all files in a folder.
+    """SHA-256 of the names and bytes of all files in a folder that are not hidden.
 
     Args:
         folder: The folder.

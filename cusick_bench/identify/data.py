@@ -13,10 +13,11 @@ from cusick_bench.datasets.files.fabrics import FILE as FABRICS
 from cusick_bench.datasets.files.layout import is_hidden, is_image_folder, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.digest import digests_below
 from cusick_bench.files.first_names import first_names
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.identify.workspace import Workspace, digests, edited, fingerprint, keep, kept, recorded
+from cusick_bench.identify.workspace import Workspace, edited, fingerprint, keep, kept, recorded
 from cusick_bench.photographs import NUMERICS_VERSION
 from cusick_bench.photographs.preparation.pictures import Pictures, find_pictures
 from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
@@ -182,7 +183,7 @@ def _prepared(
     for left in (new, old):  # by a crash
         shutil.rmtree(left, ignore_errors=True)
     preparation = _described(prepare(folder, new, setting, done))
-    files = digests(new)
+    files = digests_below(new)
     if workspace.data.exists():
         workspace.data.rename(old)  # of other photographs or options
     keep(record, "", {"files": files})

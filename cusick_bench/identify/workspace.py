@@ -135,30 +135,17 @@ def kept(record: Path, key: str) -> dict[str, Any] | None:
     return found if found.get("inputs") == key else None
 
 
-def digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of all files below a folder, hidden ones left aside.
-
-    Args:
-        folder: The folder.
-
-    Returns:
-        Hexadecimal digits by path, relative to it.
-    """
-    found = digests_below(folder).items()
-    return {name: digest for name, digest in found if not any(part.startswith(".") for part in name.split("/"))}
-
-
 def edited(folder: Path, written: Mapping[str, str]) -> list[str]:
     """Files of a folder that were changed, added or removed since it was written.
 
     Args:
         folder: The folder.
-        written: Its `digests` of then.
+        written: Its `digests_below` of then.
 
     Returns:
         Their paths, relative to it.
     """
-    present = digests(folder)
+    present = digests_below(folder)
     return sorted(name for name in written.keys() | present.keys() if written.get(name) != present.get(name))
 
 

@@ -69,10 +69,9 @@ def code_state() -> dict[str, Any]:
 def _git(folder: Path, *words: str) -> str:
     """Output of git for a folder; "" outside a checkout, or without git."""
     with suppress(OSError, subprocess.SubprocessError):
-        done = subprocess.run(
-            ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=_GIT_SECONDS, check=True
-        )
-        return done.stdout.strip()
+        command = ["git", "-C", str(folder), *words]
+        done = subprocess.run(command, capture_output=True, timeout=_GIT_SECONDS, check=True)
+        return os.fsdecode(done.stdout).strip()  # names as files have them: UTF-8 on Windows, whatever its code page
     return ""
 
 

@@ -28,6 +28,7 @@ from cusick_bench.sim.threads import thread_pool
 
 ORPHANED = 70  # exit status of a worker whose parent has ended
 _PACKAGE = "cusick_bench"  # its name, and that of its logger
+_MOST_ON_WINDOWS = 61  # processes of a pool: Windows waits for no more than 63 things at once
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
@@ -43,7 +44,7 @@ def process_pool(
     This process keeps its own threads and environment.
 
     Args:
-        workers: Number of processes.
+        workers: Number of processes; on Windows no more than 61 are started.
         threads: Threads of each.
         initializer: Called in each process as it starts.
         initargs: What it is given.
@@ -52,7 +53,8 @@ def process_pool(
         The pool; it is a context manager. Where that is left by an error or by Ctrl-C, the processes are ended at once;
         they end by themselves where this process ends, be it killed.
     """
-    return _Pool(workers, _Context(threads), initializer, initargs)
+    most = _MOST_ON_WINDOWS if sys.platform == "win32" else workers
+    return _Pool(min(workers, most), _Context(threads), initializer, initargs)
 
 
 @contextmanager

@@ -66,6 +66,14 @@ def _protocol() -> dict[str, Any]:
     return replace(RELEASE, captures=dict(recipe.CAPTURES), turn_over=turned, order=order).document()
 
 
+def _write(path: Path, text: str) -> None:
+    path.write_bytes(text.encode())  # the same bytes everywhere: as text, lines would end otherwise on Windows
+
+
+def _write_json(path: Path, document: dict[str, Any]) -> None:
+    _write(path, json.dumps(document, indent=1) + "\n")
+
+
 def _may_be_written(folder: Path) -> bool:
     """Whether a folder is new, empty, or marked as written here."""
     if not folder.exists():
@@ -116,8 +124,8 @@ def write_synthetic(
         )
     folder.mkdir(parents=True, exist_ok=True)
     if not (folder / _DESCRIPTION).exists():
-        (folder / _DESCRIPTION).write_text(json.dumps(croissant({}), indent=1) + "\n")
-    (folder / _TRUTH).write_text(json.dumps(_truth(cloths), indent=1) + "\n")
+        _write_json(folder / _DESCRIPTION, croissant({}))
+    _write_json(folder / _TRUTH, _truth(cloths))
     for cloth in cloths:
         fabric = folder / "data" / f"Fabric {cloth.number}"
         for part in ("silhouettes", "meshes"):
@@ -127,10 +135,10 @@ def write_synthetic(
             _write_drape(drape, fabric)
             step(_name(drape))
     rows = [f"{cloth.number},{float(cloth.material.density):g},{cloth.thickness:g}" for cloth in cloths]
-    (folder / "fabrics.csv").write_text("\n".join(["fabric,areal_density_kg_m2,thickness_m", *rows]) + "\n")
-    (folder / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
+    _write(folder / "fabrics.csv", "\n".join(["fabric,areal_density_kg_m2,thickness_m", *rows]) + "\n")
+    _write_json(folder / "protocol.json", _protocol())
     described = {name: digest for name, digest in checksums(folder).items() if name != _DESCRIPTION}
-    (folder / _DESCRIPTION).write_text(json.dumps(croissant(described), indent=1) + "\n")
+    _write_json(folder / _DESCRIPTION, croissant(described))
     digests = checksums(folder)
-    (folder / CHECKSUMS).write_text(json.dumps(digests, indent=1) + "\n")
+    _write_json(folder / CHECKSUMS, digests)
     return digests

@@ -11,6 +11,7 @@ import ctypes
 import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
 
 import llvmlite.binding
@@ -18,6 +19,7 @@ import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
+from threadpoolctl import ThreadpoolController
 
 from cusick_bench.sim.kernel_cache import numba
 
@@ -166,7 +168,10 @@ def subtract_times(matrix, rows, columns, stride, vector, target, transposed):
 
 
 def _thread_functions() -> tuple[Any, Any] | None:
-    """Setter and getter of OpenBLAS's thread count, or None where SciPy uses another BLAS."""
+    """Setter and getter of OpenBLAS's thread count; None where SciPy uses another BLAS, and on Windows.
+
+    There a library does not show the functions of those that it is linked to.
+    """
     library = ctypes.CDLL(importlib.import_module("scipy.linalg.cython_blas").__file__)
     for prefix in ("scipy_openblas", "openblas"):
         setter, getter = f"{prefix}_set_num_threads", f"{prefix}_get_num_threads"
@@ -178,11 +183,17 @@ def _thread_functions() -> tuple[Any, Any] | None:
 THREAD_FUNCTIONS = _thread_functions()
 
 
+@lru_cache(maxsize=1)  # looks through all libraries that are loaded
+def _any_blas() -> ThreadpoolController:
+    return ThreadpoolController().select(user_api="blas")
+
+
 @contextmanager
 def single_threaded() -> Iterator[None]:
-    """Keep OpenBLAS on one thread: kernels are parallel themselves, and its sums then have one order."""
+    """Keep BLAS on one thread: kernels are parallel themselves, and its sums then have one order."""
     if THREAD_FUNCTIONS is None:
-        yield
+        with _any_blas().limit(limits=1):
+            yield
         return
     set_threads, get_threads = THREAD_FUNCTIONS
     before = get_threads()

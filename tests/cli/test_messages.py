@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import cusick_bench
 from cusick_bench.cli import app
-from cusick_bench.cli.common import user_errors
+from cusick_bench.cli.common import command_with, user_errors
 from cusick_bench.cli.verbosity import PACKAGE, messages, tell_less, tell_more
 from cusick_bench.leaderboard.text import typed
 from cusick_bench.runner.processes import process_pool
@@ -260,6 +260,14 @@ def test_commands_that_are_advised_can_be_typed(toy_lab, fit, tmp_path):
 )
 def test_a_command_of_a_table_can_be_typed(command, text):
     assert typed(command) == text
+
+
+def test_commands_can_be_typed_into_both_shells_of_windows(monkeypatch):
+    """In cmd.exe, the command that goes on with a run began anew in a folder with quotes in its name."""
+    words = ("run", "--out", r"runs\bench", "--data", r"my data\lab")
+    assert command_with(*words) == r"cusick-bench run --out 'runs\bench' --data 'my data\lab'"
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert command_with(*words) == r'cusick-bench run --out runs\bench --data "my data\lab"'
 
 
 def test_a_page_of_a_folder_whose_name_is_no_text(toy_lab, fit):

@@ -55,6 +55,17 @@ def test_a_folder_of_this_writer_is_written_again(tmp_path):
     assert contents(tmp_path / "set") == before
 
 
+def test_the_set_has_the_same_bytes_where_lines_of_text_end_otherwise(tmp_path, monkeypatch):
+    """As on Windows, where `data synthetic` said that every text differed from the shipped one."""
+    here = write_synthetic(tmp_path / "here")
+
+    def write_text(path: Path, text: str, encoding: str = "cp1252", newline: str | None = None) -> int:
+        return path.write_bytes(text.replace("\n", "\r\n" if newline is None else newline).encode(encoding))
+
+    monkeypatch.setattr(Path, "write_text", write_text)
+    assert write_synthetic(tmp_path / "there") == here
+
+
 def test_an_interrupted_run_is_repeated(tmp_path):
     def interrupt(name: str) -> None:
         raise KeyboardInterrupt

@@ -1,4 +1,9 @@
-"""Cores that a process may use, where a container has a quota of them."""
+"""What a run says of its surroundings: cores, also where a container has a quota of them, and the code."""
+
+import os
+import shutil
+import subprocess
+import sys
 
 import pytest
 
@@ -30,3 +35,23 @@ def test_a_containers_quota_counts(tmp_path, monkeypatch, memberships, quotas, e
     monkeypatch.setattr(environment, "_MEMBERSHIPS", tmp_path / "memberships")
     monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(8)), raising=False)
     assert cores() == expected
+
+
+_FOUND = """
+import sys
+from pathlib import Path
+from cusick_bench.runner.environment import _git
+folder = Path(sys.argv[1])
+assert Path(_git(folder, "rev-parse", "--show-toplevel")).resolve() == folder.resolve()
+"""
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
+def test_a_checkout_is_known_by_a_name_that_the_locale_has_no_characters_for(tmp_path):
+    """Runs ended in a traceback, as under Windows, whose code pages are not what git writes."""
+    folder = tmp_path / "Иван"
+    subprocess.run(["git", "init", "--quiet", str(folder)], check=True)
+    ascii_only = os.environ | {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    command = [sys.executable, "-c", _FOUND, os.fsencode(folder)]
+    done = subprocess.run(command, env=ascii_only, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr

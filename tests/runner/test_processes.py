@@ -4,6 +4,7 @@ import copy
 import logging
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -49,6 +50,13 @@ def test_the_environment_has_the_last_word(monkeypatch: pytest.MonkeyPatch) -> N
 def test_number_of_threads_is_that_of_the_pool() -> None:
     with process_pool(1, threads=2) as pool:
         assert list(pool.map(os.getenv, THREADS)) == ["2", "2", "2"]
+
+
+@pytest.mark.parametrize(("system", "started"), [("win32", 61), ("linux", 100)])
+def test_windows_gets_as_many_workers_as_it_can_wait_for(monkeypatch: pytest.MonkeyPatch, system: str, started: int):
+    """More of them ended in a traceback."""
+    monkeypatch.setattr(sys, "platform", system)
+    assert process_pool(100)._max_workers == started
 
 
 @pytest.mark.parametrize(

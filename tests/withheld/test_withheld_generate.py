@@ -4,6 +4,7 @@ import hashlib
 import json
 import shutil
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -137,6 +138,26 @@ def test_the_files_of_every_case_are_sealed_when_all_are_there(made, tmp_path):
     picture.write_bytes(picture.read_bytes() + b" ")
     with pytest.raises(WithheldError, match="the files of case_0003 have another SHA-256"):
         generate(suite(), cases, made[1])
+
+
+def test_what_a_file_manager_leaves_in_a_case_does_not_break_its_seal(made, tmp_path):
+    """macOS puts .DS_Store into every folder that is looked at."""
+    cases = shutil.copytree(made[0], tmp_path / "cases")
+    (cases / "case_0003" / ".DS_Store").write_bytes(b"Bud1")
+    generate(suite(), cases, made[1])
+
+
+def test_a_case_has_the_same_bytes_where_lines_of_text_end_otherwise(made, tmp_path, monkeypatch):
+    """As on Windows, where a suite that was made again did not have the sealed bytes."""
+    monkeypatch.setattr(
+        Path, "write_text", lambda path, text, **options: path.write_bytes(_for_windows(text, **options))
+    )
+    written = tmp_path / generate_module.write_case(suite(), suite().plans()[0], tmp_path)
+    assert contents(written) == contents(made[0] / written.name)
+
+
+def _for_windows(text: str, encoding: str = "cp1252", newline: str | None = None, **_) -> bytes:
+    return text.replace("\n", "\r\n" if newline is None else newline).encode(encoding)
 
 
 def test_salts_depend_on_seed_and_case():

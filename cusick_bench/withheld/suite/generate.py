@@ -277,8 +277,8 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
             (folder / name).write_bytes(jpeg(picture.levels, truth.world.camera.quality))
     except DrapeDiverged as error:
         raise WithheldError(f"{plan.case}: {error}; choose another seed") from error
-    (part / "fabrics.csv").write_text(_fabrics_table(truth))
-    (part / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
+    (part / "fabrics.csv").write_bytes(_fabrics_table(truth).encode())
+    (part / "protocol.json").write_bytes((json.dumps(_protocol(), indent=1) + "\n").encode())
     for path in (*part.rglob("*"), part):  # how long a drape took tells which laws acted
         os.utime(path, (_WRITTEN, _WRITTEN))
     os.replace(part, out / plan.case)

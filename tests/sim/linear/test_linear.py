@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 from scipy.spatial import Delaunay
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear import dense
@@ -355,6 +356,19 @@ def test_blas_is_single_threaded_inside_and_put_back_after():
         assert get_threads() == 1
     assert get_threads() == 2
     set_threads(before)
+
+
+def test_any_blas_is_single_threaded_where_its_functions_cannot_be_seen(monkeypatch):
+    """Those of OpenBLAS cannot on Windows, where it went on with all threads inside of the kernels' own."""
+    monkeypatch.setattr(dense, "THREAD_FUNCTIONS", None)
+
+    def threads() -> set[int]:
+        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        with dense.single_threaded():
+            assert threads() == {1}
+        assert threads() == {2}
 
 
 def test_workspace_holds_few_updates_at_a_time(pattern):
