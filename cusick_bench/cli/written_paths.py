@@ -64,6 +64,23 @@ def room_for_picture(picture: Path | None) -> AbstractContextManager[None]:
     return folder_made(None if picture is None else picture.parent)
 
 
+def room_for_file(file: Path) -> AbstractContextManager[None]:
+    """Makes the folder of a file before hours are spent on what it is to hold, as `folder_made` does.
+
+    Args:
+        file: What `--out` names.
+
+    Returns:
+        A context manager.
+
+    Raises:
+        CusickError: It names a folder.
+    """
+    if file.is_dir():
+        raise CusickError(f"--out must name a file, got the folder {file}; give for instance {file / 'out.json'}")
+    return folder_made(file.parent)
+
+
 def require_csv(table: Path | None, example: str) -> None:
     """Makes sure, before any work, that a table is to be a CSV file.
 

@@ -149,7 +149,7 @@ class Protocol:
         captures: Capture number -> "up", "down" or "" (unknown).
         turn_over: How the cloth is turned to lie face down, in words.
         order: Order in which captures were taken, in words.
-        extra: Remarks (unknown keys that hold text, and `notes`), as found; not used.
+        extra: Remarks (unknown keys that hold text or a count, and `notes`), as found; not used.
         camera_height_m: Height of a pinhole camera's eye above the plate [m].
     """
 
@@ -256,8 +256,9 @@ RELEASE = Protocol()
 def read_protocol(path: Path) -> Protocol:
     """Reads `protocol.json`; values that are left out keep their defaults.
 
-    A key that is not known is a remark, kept in `extra`, where it holds text and resembles no known key; so is all
-    that stands in `notes`. Any other unknown key could be a measure that nothing would use, and is refused.
+    A key that is not known is a remark, kept in `extra`, where it holds text or null and resembles no known key, or
+    where it is a count, a version or a seed (`samples`, `n_captures`, `format_version`); so is all that stands in
+    `notes`. Any other unknown key could be a measure that nothing would use, and is refused.
 
     Args:
         path: The file.

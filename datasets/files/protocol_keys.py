@@ -1,4 +1,4 @@
-"""Keys of `protocol.json` that are not known: remarks are kept, what may be a misspelt or unused measure is refused."""
+"""Keys of `protocol.json` that are not known: remarks and counts are kept, what may be an unused measure is refused."""
 
 import json
 import re
@@ -32,6 +32,12 @@ _OTHER_WORDS = {
 }  # fmt: skip
 """Known key -> what others call it, or its name in another unit."""
 
+_COUNTED = "(sample|specimen|face|side|capture|picture|image|silhouette|repeat|drape|observation|fabric|cloth|case)"
+_COUNT = re.compile(
+    rf"(n|num|number_of|count_of)_{_COUNTED}s(_per_{_COUNTED})?|{_COUNTED}s(_per_{_COUNTED})?|{_COUNTED}_(id|number|count)|"
+    r"([a-z]+_)?(version|seed)|id"
+)
+"""Keys that say how many there are, or which one it is: no measure of what the images show."""
 _UNIT = re.compile(r"_(m|cm|mm|um|px|in|inch)$")
 _WORDED = ("foreground", "image_y", "projection")  # known keys that hold a word
 
@@ -45,13 +51,14 @@ def check_unknown_keys(unknown: Mapping[str, Any], known: Collection[str], path:
         path: The file, for the message.
 
     Raises:
-        BadTable: A key that resembles a known one, or that holds anything but text.
+        BadTable: A key that resembles a known one, or that holds anything but text, nothing (null), or the number of a
+            count, a version or a seed.
     """
     for key, value in unknown.items():
-        if key == NOTES:
+        if key == NOTES or _counts(key, value):
             continue
         near = _meant(key, value, known)
-        if near or not isinstance(value, str):
+        if near or not (value is None or isinstance(value, str)):
             shown = json.dumps(value)
             raise BadTable(
                 f"unknown key {key!r}, which holds {shown[:40] + '...' if len(shown) > 40 else shown}",
@@ -62,9 +69,20 @@ def check_unknown_keys(unknown: Mapping[str, Any], known: Collection[str], path:
             )
 
 
+def _plain(key: str) -> str:
+    return key.strip().lower().replace(" ", "_").replace("-", "_")
+
+
+def _counts(key: str, value: Any) -> bool:
+    """Whether a number says how many there are, or which one it is; only versions need not be whole."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    whole = isinstance(value, int) or _plain(key).endswith("version")
+    return number and whole and _COUNT.fullmatch(_plain(key)) is not None
+
+
 def _meant(key: str, value: Any, known: Collection[str]) -> str:
     """A question with the known key that this one resembles, by its letters or its meaning; empty if none."""
-    plain = key.strip().lower().replace(" ", "_").replace("-", "_")
+    plain = _plain(key)
     near = get_close_matches(plain, list(known), n=1, cutoff=_LIKE)
     measured = not isinstance(value, str) or value.strip()[:1] in set("0123456789.-+")
     for name, words in _OTHER_WORDS.items():

@@ -224,6 +224,34 @@ def test_bad_protocols(tmp_path, document, complaint):
 
 
 @pytest.mark.parametrize(
+    "remark",
+    [
+        {"samples": 12}, {"faces": 2}, {"n_captures": 4}, {"Number of samples": 12}, {"captures_per_face": 2},
+        {"case_id": 7}, {"seed": 3}, {"format_version": 1.1}, {"operator": None},
+    ],
+)  # fmt: skip
+def test_counts_versions_and_what_is_null_are_remarks(tmp_path, remark):
+    """Nothing in a picture is measured by them, so no folder of another program's is refused for their sake."""
+    root = write_toy(tmp_path, samples=1)
+    (root / "protocol.json").write_text(json.dumps(remark))
+    assert load(root).protocol.extra == remark
+    found = audit(root).kinds
+    assert "protocol-invalid" not in found
+    assert found["protocol-unknown-key"] == 1
+
+
+@pytest.mark.parametrize(
+    "measure",
+    [{"samples": 0.15}, {"faces": True}, {"n_pixels": 256}, {"plate_id": 180}, {"scale": None}, {"flip": True}],
+)
+def test_what_may_be_a_measure_is_no_count(tmp_path, measure):
+    path = tmp_path / "protocol.json"
+    path.write_text(json.dumps(measure))
+    with pytest.raises(BadTable, match="unknown key"):
+        read_protocol(path)
+
+
+@pytest.mark.parametrize(
     "text", ["{", "[" * 100_000, '{"px_per_m": NaN}', '{"px_per_m": 1e999}', "{}" + " " * (2 << 20)]
 )
 def test_hostile_protocols(tmp_path, text):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -16,7 +17,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.files import digest
 from cusick_bench.files.digest import file_digest
-from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_folders
+from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_captures, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
 from cusick_bench.withheld.answers.parts import case_part
 from cusick_bench.withheld.errors import WithheldError
@@ -202,6 +203,8 @@ def test_an_atlas_that_cannot_be_used_answers_no_case(tmp_path: Path) -> None:
         ({"effect": "plate-tilt", "parameters": {"angle": 2}}, "the label of case_0001 lacks direction of plate-tilt"),
         ({"effect": ["creep", "camera-scale"], "severity": [0.6, 0.1]}, "lacks loss of creep"),
         ({"effect": ["creep", "camera-scale"], "parameters": {"loss": 0.6}}, "lacks error of camera-scale"),
+        ({"effect": "creep", "parameters": {"loss": "much"}}, "the label of case_0001 lacks loss of creep"),
+        ({"effect": "creep", "parameters": None}, "the label of case_0001 lacks loss of creep"),
     ],
 )
 def test_what_a_label_leaves_out_is_not_taken_as_typical(tmp_path: Path, label: dict, message: str) -> None:
@@ -260,6 +263,60 @@ def test_answers_beside_the_cases_are_no_case(tmp_path: Path) -> None:
     (tmp_path / "case_0001").mkdir()
     case_part(tmp_path / "answers.json", "case_0001", "0" * 64, SHIPPED).parent.mkdir(parents=True)
     assert case_folders(tmp_path) == [tmp_path / "case_0001"]
+
+
+def test_folders_that_archives_and_disks_add_are_no_cases(tmp_path: Path) -> None:
+    for name in ("case_0001", "__MACOSX", "@eaDir", ".cache"):
+        (tmp_path / name).mkdir()
+    assert case_folders(tmp_path) == [tmp_path / "case_0001"]
+
+
+def test_a_case_may_be_called_as_a_data_set_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Given by `.`, it was taken for the shipped set of that name."""
+    write_toy(tmp_path / "synthetic", samples=2)
+    monkeypatch.chdir(tmp_path)
+    (case,) = case_folders(Path())
+    assert str(case) == "synthetic"
+    assert len(np.unique(case_captures(case).sample)) == 2
+
+
+def test_a_folder_of_answers_among_the_cases_is_none(tmp_path: Path) -> None:
+    cases = tmp_path / "cases"
+    for name in ("case_0001", "answers"):
+        (cases / name).mkdir(parents=True)
+    assert list(answer_suite(cases, cases / "answers" / "answers.json", SHIPPED, QUICK).answers) == ["case_0001"]
+    (cases / "case_0001").rename(tmp_path / "case_0001")
+    with pytest.raises(WithheldError, match=r"no case folders in .* but that of .*answers\.json"):
+        answer_suite(cases, cases / "answers" / "answers.json", SHIPPED, QUICK)
+
+
+def test_command_says_how_many_cases_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "cases" / "case_0001").mkdir(parents=True)
+    arguments = ["withheld", "answer", str(tmp_path / "cases"), "--samples", "0", "--workers", "1", "--json"]
+    result = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path / "new" / "answers.json")])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["verdicts"] == {"refused": 1}
+    assert "1 of 1 cases are answered by a refusal, such as case_0001: " in result.stderr
+    assert "holds no silhouettes" in result.stderr
+    (said,) = json.loads((tmp_path / "new" / "answers.json").read_text())["answers"].values()
+    assert said.keys() >= {"effects", "groups", "budget", "unexplained", "gap", "causes", "set90", "closure", "next"}
+    assert said["unexplained"] == {"share": None, "ci90": None}
+    assert said["closure"] == {"effect": [], "fraction": None, "ci90": None}
+    assert said["where"].keys() == {"stage", "map", "kind", "angle_deg", "radius_m", "localisable", "why_not"}
+
+
+@pytest.mark.parametrize("command", ["answer", "oracle", "leave-out"])
+def test_a_folder_for_the_file_is_refused_before_the_work(tmp_path: Path, command: str) -> None:
+    (tmp_path / "cases" / "case_0001").mkdir(parents=True)
+    label = {"effect": "creep", "severity": 0.6, "parameters": {"loss": 0.6}, "multiple": 4.0}
+    (tmp_path / "labels.json").write_text(json.dumps({"case_0001": label}))
+    labels = [] if command == "answer" else [str(tmp_path / "labels.json")]
+    result = CliRunner().invoke(
+        app, ["withheld", command, str(tmp_path / "cases"), *labels, "--out", str(tmp_path), "--workers", "1"]
+    )
+    assert result.exit_code == 2
+    assert f"--out must name a file, got the folder {tmp_path}; give for instance" in result.output
+    assert not list(tmp_path.parent.glob("*.parts")), "nothing has been answered"
 
 
 def test_command(small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None) -> None:

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli.diagnose.withheld_score import score as score_command
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.seal import sealed
+from cusick_bench.withheld.format.label import read_label_documents
+from cusick_bench.withheld.format.seal import published_files, published_seals, sealed
 from cusick_bench.withheld.scoring.calibration import (
     wilson_interval,
 )
@@ -113,6 +114,43 @@ class TestFiles:
         with pytest.raises(WithheldError, match=message) as caught:
             revealed(tmp_path, {"a": {**label("creep"), **change}}, {"a": answer("none")})
         assert "labels.json: a" in str(caught.value)
+
+    @pytest.mark.parametrize(
+        "parameters",
+        [None, {"loss": 0.2, "kind": "log"}, {"direction": [0.6, 0.8]}, {"loss": {"value": 0.2, "unit": "1"}}, [None]],
+    )
+    def test_parameters_of_another_program_are_scored_and_sealed_as_they_stand(self, tmp_path, parameters):
+        truth = sealed(label("creep", parameters=parameters), "salt")
+        (tmp_path / "commitment.json").write_text(json.dumps({"a": truth["sha256"]}))
+        both = revealed(tmp_path, {"a": truth}, {"a": answer("none")}, tmp_path / "commitment.json")
+        assert both.labels["a"].effects == ("creep",)
+        assert both.notes[0].startswith("All 1 labels fit the seals")
+        known = read_label_documents(tmp_path / "labels.json")["a"].parameters_of_effects
+        assert known == ({"loss": 0.2} if "kind" in (parameters or {}) else {},)
+
+    def test_null_in_an_answer_is_what_it_leaves_out(self, tmp_path):
+        nothing = {"stage": None, "map": None, "kind": None, "localisable": None}
+        said = answer("effect", ("creep", 0.8), where=nothing, without=None, refused=None)
+        said["causes"][0]["parameters"] = None
+        found = revealed(tmp_path, {"a": label("creep")}, {"a": said}).answers["a"]
+        assert (found.localisable, found.left_out, found.refused) == (False, (), "")
+        said["where"] = {"stage": {"material": 0.5, "history": None}}
+        revealed(tmp_path, {"a": label("creep")}, {"a": said})
+
+    def test_a_refusal_without_a_label_is_not_scored(self, tmp_path):
+        """A folder that lies beside the cases is answered, too; it says nothing of them."""
+        answers = {"a": answer("none"), "checks": answer("refused")}
+        both = revealed(tmp_path, {"a": label("none")}, answers)
+        assert set(both.answers) == {"a"}
+        assert "1 refusals without a label are not scored: checks." in both.notes
+        assert len(score(both).cases) == 1
+
+    def test_seals_stand_in_the_first_object_that_holds_any(self, tmp_path):
+        facts = {"made_by": {"program": "another"}, "files": {"a": {"1.png": "0" * 64}, "b": "1" * 64}}
+        path = tmp_path / "commitment.json"
+        path.write_text(json.dumps({**facts, "seals": {"a": "2" * 64}}))
+        assert published_seals(path) == {"a": "2" * 64}
+        assert published_files(path) == {"b": "1" * 64}
 
     @pytest.mark.parametrize("text", ["[1]", "{", '{"a": {}, "a": {}}', '{"a": 1e999}' * 2])
     def test_what_is_no_document_is_refused(self, tmp_path, text):

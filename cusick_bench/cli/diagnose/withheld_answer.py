@@ -3,13 +3,14 @@
 Also `oracle` and `twins`, which measure afterwards how good answers could be.
 """
 
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cusick_bench.cli.common import interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     Atlas,
     Cases,
@@ -22,6 +23,7 @@ from cusick_bench.cli.options import (
     output_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import room_for_file
 from cusick_bench.diagnosis.options import SHIPPED, Options
 
 
@@ -42,12 +44,17 @@ def answer(
 
     options = Options(samples, False, tuple(effect(name).name for name in without_effect or ()), seed)
     kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
-    with progress_bar("cases", len(case_folders(cases))) as bar, kept:
+    with progress_bar("cases", len(case_folders(cases))) as bar, kept, room_for_file(out):
         found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: bar.advance())
     if as_json:
-        print_json({"path": out, "cases": len(found.answers), "code_version": found.code_version})
+        verdicts = dict(sorted(Counter(one.verdict for one in found.answers.values()).items()))
+        print_json({"path": out, "cases": len(found.answers), "verdicts": verdicts, "code_version": found.code_version})
     else:
         output.print(f"{out}: {len(found.answers)} answers, frozen by {found.code_version}")
+    refused = {case: one.refused for case, one in found.answers.items() if one.refused}
+    if refused:
+        case, reason = next(iter(refused.items()))
+        tell(f"{len(refused)} of {len(found.answers)} cases are answered by a refusal, such as {case}: {reason}")
 
 
 @user_errors
@@ -71,7 +78,8 @@ def oracle(
 
     known = read_label_documents(labels)
     kept = interruptible(f"the closures that were ready are kept beside {out}", go_on=True)
-    with progress_bar("cases", sum(label.kind in (SINGLE, PAIR) for label in known.values())) as bar, kept:
+    cases_asked = sum(label.kind in (SINGLE, PAIR) for label in known.values())
+    with progress_bar("cases", cases_asked) as bar, kept, room_for_file(out):
         found = oracle_closures(
             cases, known, out, atlas, Draping(samples, seed), workers=workers, step=lambda case: bar.advance()
         )
@@ -102,7 +110,7 @@ def twins(
 
     suite = read_suite(labels.with_name(SUITE))
     kept = interruptible(f"the cases that were ready are kept beside {out}", go_on=True)
-    with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar, kept:
+    with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar, kept, room_for_file(out):
         found = measure_shown_shifts(
             suite, cases, read_label_documents(labels), out, atlas, workers=workers, step=lambda case: bar.advance()
         )

@@ -8,6 +8,7 @@ import typer
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Cases, Json, Labels, Seed, SimulatedSamples, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import room_for_file
 from cusick_bench.diagnosis.options import SHIPPED, Options
 
 
@@ -43,7 +44,7 @@ def leave_out(
     require_labels_of(cases, documents)
     known = {case: truth_of(label) for case, label in documents.items()}
     kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
-    with progress_bar("cases", len(left_out_effects(known, least))) as bar, kept:
+    with progress_bar("cases", len(left_out_effects(known, least))) as bar, kept, room_for_file(out):
         found = answer_left_out(
             cases, known, out, atlas, Options(samples, False, (), seed), least,
             workers=workers, step=lambda case: bar.advance(),

@@ -108,10 +108,10 @@ def refused_document(fabric: str, reason: str, *, command: str, version: str) ->
         fabric=fabric,
         headline=f"Not diagnosed: {reason}.",
         verdict="refused",
-        where=stated.Location(localisable=False, why_not=reason),
+        where=stated.Location(why_not=reason),
         refused=reason,
         provenance=model.Provenance(version=version, command=command),
-    )
+    ).complete()
 
 
 def answer(diagnosis: Diagnosis) -> Answer:

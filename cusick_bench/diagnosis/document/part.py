@@ -49,6 +49,14 @@ class Part(BaseModel):
             remedy = "make it anew with `cusick-bench diagnose`"
             raise DiagnosisError(f"{where} is no valid diagnosis: {listed}{more}; {remedy}") from error
 
+    def complete(self) -> Self:
+        """The same part with all fields given, those that were left open at their defaults.
+
+        Returns:
+            The part, whose content has every key that a reader may ask for.
+        """
+        return self.model_validate_json(self.model_dump_json(by_alias=True))
+
     def content(self) -> dict[str, Any]:
         """The part as JSON values; fields that were never given are left out.
 

@@ -26,6 +26,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 
 ANGLES = 360  # a radius per degree: twelve for the narrowest fold
 SIDES = ("up", "down", "")
+_ABOUT_X = re.compile(r"\b(about|around)\s+(the\s+)?x\b|^\s*(the\s+)?x([ _-]?axis)?\s*$", re.IGNORECASE)
 _SLIP = 4.0  # least distance of a slip from the fabric's median [robust standard deviations]
 
 
@@ -281,7 +282,8 @@ def _slips(rows: Sequence[_Read], pixel: float) -> list[bool]:
 
 
 def _turned_about_x(protocol: Protocol) -> bool:
-    return re.search(r"\b(about|around)\s+(the\s+)?x\b", protocol.turn_over, re.IGNORECASE) is not None
+    """Whether it says `about x`, or names the axis alone: `x`, `x-axis`."""
+    return _ABOUT_X.search(protocol.turn_over) is not None
 
 
 def _check(captures: Captures) -> None:

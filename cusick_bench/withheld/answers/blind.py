@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import load
+from cusick_bench.datasets.files.layout import is_hidden
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document import answer as stated
@@ -44,13 +45,14 @@ def case_folders(cases: Path) -> list[Path]:
         cases: Folder of the cases.
 
     Returns:
-        The folder of each case, by name; hidden folders and those of partial results are none.
+        The folder of each case, by name; hidden folders, those that archives and disks add (`__MACOSX`, `@eaDir`) and
+        those of partial results are none.
 
     Raises:
         WithheldError: None there.
     """
     folders = [path for path in cases.iterdir() if path.is_dir()] if cases.is_dir() else []
-    found = sorted(path for path in folders if not path.name.startswith(".") and path.suffix != PARTS)
+    found = sorted(path for path in folders if not is_hidden(path.name) and path.suffix != PARTS)
     if not found:
         raise WithheldError(f"no case folders in {cases}; give the folder that holds the cases' folders")
     return found
@@ -68,7 +70,7 @@ def case_captures(folder: Path) -> Captures:
     Raises:
         WithheldError: A case of several fabrics; an answer is about one.
     """
-    dataset = load(str(folder))
+    dataset = load(folder)  # not by name: a case may be called as a registered data set is
     if len(dataset.cloths) != 1:
         raise WithheldError(
             f"a case must hold one fabric, got {len(dataset.cloths)}: {first_names(dataset.cloths)}; give each its own "
@@ -90,7 +92,8 @@ def answer_suite(
 
     Args:
         cases: Folder of the cases.
-        out: File for the answers; single answers lie beside it until all are there, and after.
+        out: File for the answers; single answers lie beside it until all are there, and after. A folder of its own
+            among the cases is none of them.
         atlas: Fitted atlas.
         options: How to diagnose.
         workers: Number of processes.
@@ -103,7 +106,13 @@ def answer_suite(
         WithheldError: No cases.
         DiagnosisError: An atlas that cannot be used.
     """
-    asked = dict.fromkeys(case_folders(cases), options)
+    place = out.resolve()
+    folders = [folder for folder in case_folders(cases) if not place.is_relative_to(folder.resolve())]
+    if not folders:
+        raise WithheldError(
+            f"no case folders in {cases} but that of {out}; give the folder that holds the cases' folders"
+        )
+    asked = dict.fromkeys(folders, options)
     return answer_each(asked, out, atlas, workers=workers, step=step)
 
 
@@ -204,17 +213,8 @@ def _files_of(folders: Collection[Path]) -> dict[str, str]:
 
 
 def _refused(reason: str) -> stated.Answer:
-    """The answer to a case that cannot be diagnosed."""
-    return stated.Answer(
-        verdict="refused",
-        gap=stated.StatedGap(base=None, floor=None, p=None),
-        causes=(),
-        set90=(),
-        where=stated.Location(localisable=False, why_not=reason),
-        closure=stated.Closure(),
-        next=(),
-        refused=reason,
-    )
+    """The answer to a case that cannot be diagnosed; it has the keys of any answer, and says nothing under them."""
+    return stated.Answer(verdict="refused", where=stated.Location(why_not=reason), refused=reason).complete()
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """An answer to a withheld case: verdict, causes with their probabilities, where it lies, how far the gap shrinks.
 
-The models are the form of `answers.json`. Answers may come from anywhere: what an answer leaves out is not known, keys
-that are not listed here are kept.
+The models are the form of `answers.json`. Answers may come from anywhere: what an answer leaves out, or gives as null,
+is not known; keys that are not listed here are kept.
 """
 
 from functools import cached_property
@@ -46,6 +46,14 @@ def _empty_tuple_for_null(value: Any) -> Any:
     return value or ()
 
 
+def _false_for_null(value: Any) -> Any:
+    return False if value is None else value
+
+
+def _no_text_for_null(value: Any) -> Any:
+    return "" if value is None else value
+
+
 def _listed(value: Any) -> Any:
     """One measurement is a list of one."""
     if isinstance(value, str | dict):
@@ -71,7 +79,7 @@ class StatedCause(Document):
     effect: OutcomeName
     class_name: str | None = Field(default=None, alias="class")
     probability: Probability
-    parameters: dict[str, Any] = Field(default_factory=dict)
+    parameters: Annotated[dict[str, Any], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
 
 
 class Gap(Document):
@@ -97,9 +105,9 @@ class Where(Place):
         localisable: Whether the answer says that the effect can be localised.
     """
 
-    stage: dict[str, Number] = Field(default_factory=dict)
+    stage: Annotated[dict[str, Number | None], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
     map: MapOfCells | None = None
-    localisable: bool = False
+    localisable: Annotated[bool, BeforeValidator(_false_for_null)] = False
 
 
 class Closure(Document):
@@ -147,7 +155,7 @@ class BaselineAnswer(Document):
     measurements: Annotated[tuple[str | dict[str, Any], ...], BeforeValidator(_listed)] = Field(
         default=(), alias="next"
     )
-    left_out: tuple[str, ...] = Field(default=(), alias="without")
+    left_out: Annotated[tuple[str, ...], BeforeValidator(_empty_tuple_for_null)] = Field(default=(), alias="without")
 
     @model_validator(mode="before")
     @classmethod
@@ -268,7 +276,7 @@ class Answer(BaselineAnswer):
 
     stated_set: tuple[SetMemberName, ...] | None = Field(alias="set90")
     baselines: Annotated[dict[str, BaselineAnswer], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
-    refused: str = ""
+    refused: Annotated[str, BeforeValidator(_no_text_for_null)] = ""
 
     def baseline(self, method: str) -> BaselineAnswer:
         """The answer of a simpler method, which was not offered what this one was not offered either.

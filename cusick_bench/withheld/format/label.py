@@ -57,7 +57,7 @@ class LabelDocument(Document):
         class_name: Its class.
         name: Name of an effect outside the list.
         severity: Severity in the effect's own unit.
-        parameters: All its parameters.
+        parameters: All its parameters; scores use none of them, so other programs may write what they like.
         location: Where it acts; None for nowhere in particular.
         oracle_closure: Share of the gap that the true effect closes; None if not known.
         kind: What the case is for.
@@ -72,7 +72,7 @@ class LabelDocument(Document):
     class_name: OneOrSeveral[str] | None = Field(default=None, alias="class")
     name: str | None = None
     severity: OneOrSeveral[Number | None] = None
-    parameters: OneOrSeveral[dict[str, Number]] = Field(default_factory=dict)
+    parameters: OneOrSeveral[dict[str, Any] | None] = Field(default_factory=dict)
     location: OneOrSeveral[LabelPlace | None] = None
     oracle_closure: Number | None = None
     kind: str | None = None
@@ -110,8 +110,11 @@ class LabelDocument(Document):
 
     @property
     def parameters_of_effects(self) -> tuple[dict[str, float], ...]:
-        """Parameters of each effect."""
-        return _as_tuple(self.parameters)
+        """Parameters of each effect, as far as they are numbers."""
+        return tuple(
+            {name: value for name, value in (one or {}).items() if _is_number(value)}
+            for one in _as_tuple(self.parameters)
+        )
 
     def unsealed(self) -> dict[str, Any]:
         """The label without its salt and seal.
@@ -246,6 +249,10 @@ def truth_of(label: LabelDocument) -> Label:
 
 def _as_tuple(value: Any) -> tuple[Any, ...]:
     return value if isinstance(value, tuple) else (value,)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
 def _hidden_name(label: LabelDocument) -> str:

@@ -84,7 +84,7 @@ def published_seals(path: Path) -> dict[str, str]:
     """Reads the seals of a suite as they were published.
 
     Args:
-        path: File with the seals by case, at its top or one level below.
+        path: File with the seals by case, in the first object that holds any, or at its top.
 
     Returns:
         The seal of each case.
@@ -93,8 +93,8 @@ def published_seals(path: Path) -> dict[str, str]:
         WithheldError: A file that cannot be read.
     """
     document = read_object(path, _LACKING)
-    inner = next((value for value in document.values() if isinstance(value, dict)), document)
-    return {case: seal for case, seal in inner.items() if isinstance(seal, str) and len(seal) == _DIGITS}
+    inner = (_digests(value) for key, value in document.items() if isinstance(value, dict) and key != FILES)
+    return next(filter(None, inner), _digests(document))
 
 
 def published_files(path: Path) -> dict[str, str]:
@@ -110,7 +110,13 @@ def published_files(path: Path) -> dict[str, str]:
         WithheldError: A file that cannot be read.
     """
     files = read_object(path, _LACKING).get(FILES)
-    return {case: str(digest) for case, digest in files.items()} if isinstance(files, dict) else {}
+    of_cases = files.items() if isinstance(files, dict) else ()
+    return {case: digest for case, digest in of_cases if isinstance(digest, str)}
+
+
+def _digests(entries: Mapping[str, Any]) -> dict[str, str]:
+    """What of an object is a SHA-256, which facts about the file are not."""
+    return {case: one for case, one in entries.items() if isinstance(one, str) and len(one) == _DIGITS}
 
 
 def require_published_files(found: Mapping[str, str], published: Mapping[str, str], where: str) -> None:

@@ -51,15 +51,20 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
         Answers and labels of the same cases.
 
     Raises:
-        WithheldError: A file that cannot be read, a case in one file only, labels of another suite than the answered
-            cases, a label that is not the sealed one, or answers to other files than the sealed ones.
+        WithheldError: A file that cannot be read, a case in one file only (but a refused one without a label, which
+            is left out), labels of another suite than the answered cases, a label that is not the sealed one, or
+            answers to other files than the sealed ones.
     """
     answered, labelled = read_answers(answers), read_label_documents(labels)
     truth = labels_to_answer(answered, {case: truth_of(label) for case, label in labelled.items()})
-    _require_same_cases(set(answered.answers), set(truth), answers, labels)
+    unlabelled = sorted(case for case in answered.answers.keys() - truth.keys() if not _says_anything(answered, case))
+    said = {case: one for case, one in answered.answers.items() if case not in unlabelled}
+    _require_same_cases(set(said), set(truth), answers, labels)
     carried = {case: label.sha256 for case, label in labelled.items()}
     require_one_suite(carried, answered.seals, str(labels), f"the cases that {answers} answers")
     notes = [_check_seals(labelled, commitment), *_check_files(answered, str(answers), commitment)]
+    if unlabelled:
+        notes.append(f"{len(unlabelled)} refusals without a label are not scored: {first_names(unlabelled)}.")
     if answered.leave_out is not None:
         notes.append(
             f"Leave-one-effect-out: {len(truth)} cases with one effect of at least {answered.leave_out.least:g} times "
@@ -67,7 +72,12 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
         )
     if facts := _provenance(answered):
         notes.append(f"Answers were frozen with {', '.join(facts)}.")
-    return LabelledAnswers(answered.answers, truth, tuple(notes), answered.files)
+    return LabelledAnswers(said, truth, tuple(notes), answered.files)
+
+
+def _says_anything(document: AnswersDocument, case: str) -> bool:
+    """Whether an answer is more than a refusal, as that to a folder beside the cases that holds no silhouettes."""
+    return document.answers[case].verdict != REFUSED
 
 
 def _provenance(document: AnswersDocument) -> list[str]:

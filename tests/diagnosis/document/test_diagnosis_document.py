@@ -18,6 +18,7 @@ from cusick_bench.diagnosis.document.answer import (
     StatedCause,
     Unexplained,
 )
+from cusick_bench.diagnosis.document.build import refused_document
 from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument, laboratory_document, write_laboratory
 from cusick_bench.diagnosis.document.model import (
     BaseParameters,
@@ -187,6 +188,19 @@ def test_documents_stay_as_they_are() -> None:
         FULL.verdict = "none"  # pyright: ignore[reportAttributeAccessIssue]
     with pytest.raises(ValidationError, match="finite"):
         StatedCause(effect="creep", probability=0.5, parameters={"loss": float("inf")})
+
+
+def test_a_refusal_has_the_keys_of_any_diagnosis() -> None:
+    """Who reads the gap or the named effects of many fabrics meets no fabric without them."""
+    found = refused_document("a", "one sample only", command="", version="1").content()
+    keys = {"effects", "groups", "budget", "unexplained", "gap", "causes", "set90", "where", "closure", "next"}
+    assert found.keys() >= keys
+    assert (found["verdict"], found["refused"], found["effects"], found["causes"]) == (
+        "refused", "one sample only", [], [],
+    )  # fmt: skip
+    assert found["closure"] == {"effect": [], "fraction": None, "ci90": None}
+    assert (found["unexplained"]["share"], found["gap"]["base"], found["where"]["map"]) == (None, None, None)
+    assert DiagnosisDocument.parse(json.dumps(found), "here").content() == found
 
 
 def test_an_answer_holds_what_was_given() -> None:

@@ -60,6 +60,15 @@ def test_a_cloth_turned_over_about_y_is_seen_as_its_mirror_image():
     assert about_x.cloth_frame()[0] == pytest.approx(cloth(THETA), abs=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("words", "warp"),
+    [("x", 0), ("X-axis", 0), ("the x axis", 0), ("around x", 0), ("", pi), ("y", pi), ("about y: x becomes -x", pi)],
+)
+def test_the_axis_about_which_a_cloth_is_turned_may_stand_alone(words, warp):
+    seen = fabric(np.full((1, len(THETA)), 0.12), [1], ["down"], [1], protocol=Protocol(turn_over=words))
+    assert seen.warp_seen_down == warp
+
+
 def test_every_statistic_of_a_known_curve():
     radii = 0.12 + 0.01 * np.cos(8 * THETA - 1) + 0.003 * np.cos(2 * THETA - 0.5) + 0.001 * np.cos(14 * THETA)
     values = capture_statistics(radii[None])[0]
