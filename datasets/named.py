@@ -1,6 +1,6 @@
 """Named sets (`bnn_image_gt/<cloth>`): which fabric's captures their images are, and which meshes belong to them."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -63,11 +63,12 @@ def twins(
         Path of a named image -> its twin.
     """
     origin = sources(silhouettes, hashes)
+    samples: dict[tuple[str | None, int], list[Entry]] = defaultdict(list)
+    for entry in silhouettes:
+        samples[entry.cloth, entry.sample].append(entry)
     found: dict[str, Twin] = {}
     for entry in (entry for entry in silhouettes if entry.is_named):
-        captures = [
-            other for other in silhouettes if (other.cloth, other.sample) == (origin.get(entry.cloth), entry.sample)
-        ]
+        captures = samples.get((origin.get(entry.cloth), entry.sample), [])
         same = [other for other in captures if hashes.get(other.path) == hashes.get(entry.path, "")]
         near = [other for other in captures if other.path in images and entry.path in images]
         if same:

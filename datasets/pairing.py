@@ -203,17 +203,18 @@ def correct_assignment(
         The corrected assignment.
     """
     corrected = dict(assigned)
-    strays = [match for match in matches if pairing and match.belongs_elsewhere]
+    strays = {match.mesh.path: match for match in matches if pairing and match.belongs_elsewhere}
     for match in matches:
         if match.own is None or assigned[match.own.path].mesh != match.mesh.path:
             continue
-        if match in strays:
+        if match.mesh.path in strays:
             assert match.best is not None
             corrected[match.own.path] = Assignment(notes=(f"no mesh: {match.mesh.path} fits {match.best.path}",))
         else:
             notes = (f"mesh fits no silhouette of the sample ({_mm(match.best_rms)})",) if match.matches_none else ()
             corrected[match.own.path] = _turned(match.mesh.path, match.own_rotation, notes, rotation)
-    offers = [(*fit, path, match.mesh) for match in strays for path, fit in match.fits.items() if fit[0] <= match.limit]
+    near = ((match, path, fit) for match in strays.values() for path, fit in match.fits.items())
+    offers = [(*fit, path, match.mesh) for match, path, fit in near if fit[0] <= match.limit]
     placed: set[str] = set()
     for rms, degrees, path, mesh in sorted(offers, key=lambda offer: offer[0]):
         if not corrected[path].mesh and mesh.path not in placed:

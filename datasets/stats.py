@@ -20,7 +20,7 @@ from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.files.image import fit_plate
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
-from cusick_bench.datasets.profile import amplitude_spectrum
+from cusick_bench.datasets.profile import Profile, amplitude_spectrum
 from cusick_bench.datasets.published import CLOTHS
 
 SPECTRUM_MODES = 16
@@ -159,9 +159,15 @@ class ClothStatistics:
 
 @dataclass(frozen=True, eq=False)
 class _Cloth:
-    """Usable images of a cloth with their numbers."""
+    """What is measured on the usable images of a cloth, which are not kept: those of many cloths fill the memory.
 
-    images: Float[ndarray, "images pixels"]
+    Attributes:
+        mse: Mean squared difference of every pair of images; empty where pairs are not asked for.
+        mean: Mean image, and mean square of all pixels; None without images.
+    """
+
+    mse: Float[ndarray, "compared compared"]
+    mean: tuple[ndarray, float] | None
     sample: ndarray
     capture: ndarray
     side: ndarray
@@ -206,9 +212,9 @@ def statistics(
     means: dict[str, tuple[ndarray, float]] = {}
     found: dict[str, _Cloth] = {}
     for cloth in dict.fromkeys([*wanted, *compared]):
-        read = _read(dataset, cloth)
-        if len(read.images):
-            means[cloth] = read.images.mean(0), float((read.images**2).mean())
+        read = _read(dataset, cloth, pairs=cloth in wanted)
+        if read.mean is not None:
+            means[cloth] = read.mean
         if cloth in wanted:
             found[cloth] = read
         progress(cloth)
@@ -222,17 +228,24 @@ def _is_plain(dataset: DrapeDataset, cloth: str) -> bool:
     return cloth not in CLOTHS and not any(observation for owner, observation in rows if owner == cloth)
 
 
-def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
+def _read(dataset: DrapeDataset, cloth: str, *, pairs: bool) -> _Cloth:
     protocol = dataset.protocol
     own = [row for row, owner in enumerate(dataset.table["cloth"]) if owner == cloth]
-    images = {row: image for row in own if (image := _usable(dataset, row)) is not None}
-    profiles = [profile_of(image, protocol) for image in images.values()]
+    images = np.empty((len(own), protocol.image_size_px**2), dtype=np.float32)
+    rows, profiles, coefficients = list[int](), list[Profile](), list[float]()
+    for row in own:
+        if (image := _usable(dataset, row)) is None:
+            continue
+        images[len(rows)] = image.ravel()
+        rows.append(row)
+        profiles.append(profile_of(image, protocol))
+        coefficients.append(drape_coefficient_of(image, protocol))
+    images = images[: len(rows)]
     spectra = [amplitude_spectrum(profile, modes=SPECTRUM_MODES) for profile in profiles]
-    coefficients = [drape_coefficient_of(image, protocol) for image in images.values()]
-    table = dataset.table.iloc[list(images)]
-    pixels = [image.ravel().astype(np.float32) for image in images.values()]
+    table = dataset.table.iloc[rows]
     return _Cloth(
-        np.stack(pixels) if pixels else np.zeros((0, protocol.image_size_px**2), dtype=np.float32),
+        _mse_within(images) if pairs else np.zeros((0, 0)),
+        (images.mean(0), float((images**2).mean())) if rows else None,
         np.asarray(table["sample"]),
         np.asarray(table["capture"]),
         np.asarray(table["side"], dtype=str),
@@ -240,7 +253,7 @@ def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
         np.array(coefficients),
         np.array([float(fold_count_of(profile, protocol)) for profile in profiles]),
         np.array(spectra).reshape(-1, SPECTRUM_MODES + 1),
-        len(own) - len(images),
+        len(own) - len(rows),
     )
 
 
@@ -258,10 +271,10 @@ def _describe(dataset: DrapeDataset, cloth: str, read: _Cloth, other_fabric: flo
     same_sample = read.sample[:, None] == read.sample[None, :]
     same_side = read.side[:, None] == read.side[None, :]
     known = (read.side[:, None] != "") & (read.side[None, :] != "")
-    scale, mse = dataset.protocol.mse_scale, _mse_within(read.images)
+    scale, mse = dataset.protocol.mse_scale, read.mse
     return ClothStatistics(
         cloth=cloth,
-        silhouettes=len(read.images) + read.unusable,
+        silhouettes=len(read.sample) + read.unusable,
         samples=len(set(read.sample.tolist())),
         units=len(coefficients),
         unusable=read.unusable,

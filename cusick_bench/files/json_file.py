@@ -8,13 +8,14 @@ from typing import Any
 from cusick_bench.files.errors import BadFile
 from cusick_bench.files.regular_file import read_text
 
-_MOST_BYTES = 16 << 20
+MOST_JSON_BYTES = 16 << 20
+"""Size that a JSON file may have at most, unless its reader says otherwise."""
 _MOST_DIGITS = 40  # of a whole number: seeds have up to 128 bits
 _DEEPEST = 64  # objects and lists within each other
 _LONGEST_SHOWN = 60  # characters of a value in a message
 
 
-def read_json_object(path: Path, *, remedy: str, most_bytes: int = _MOST_BYTES) -> dict[str, Any]:
+def read_json_object(path: Path, *, remedy: str, most_bytes: int = MOST_JSON_BYTES) -> dict[str, Any]:
     """Reads a JSON file that must hold one object.
 
     Args:
@@ -34,7 +35,7 @@ def read_json_object(path: Path, *, remedy: str, most_bytes: int = _MOST_BYTES) 
     return document
 
 
-def read_json(path: Path, *, remedy: str, most_bytes: int = _MOST_BYTES) -> Any:
+def read_json(path: Path, *, remedy: str, most_bytes: int = MOST_JSON_BYTES) -> Any:
     """Reads a JSON file.
 
     Args:

@@ -6,6 +6,7 @@ the oracles have no rank, since they have seen the held-out images that the othe
 lacks a cloth, or the metric of a cloth, since its mean is over an easier or harder set.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
@@ -40,6 +41,7 @@ RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
 _RANKED = ("solver", "null")
 _MEASURED = ("train_", "test_", "floor_", "spent_")
+_MOST_LEFT_OUT = 20  # cells that are left out and have a note each
 
 
 @dataclass(frozen=True)
@@ -377,7 +379,10 @@ def _notes(
             "A best-of-N score rewards N: run null:random-phase on the same cloths with as many draws "
             "to have something to read it against."
         )
-    yield from (cell.note for cell in cells.skipped)
+    yield from (cell.note for cell in cells.skipped[:_MOST_LEFT_OUT])
+    if more := Counter(cell.status for cell in cells.skipped[_MOST_LEFT_OUT:]):
+        counts = ", ".join(f"{count} {status}" for status, count in more.most_common())
+        yield f"Left out as well: {more.total()} more cells ({counts}); `leaderboard --json` lists them all."
 
 
 def _partly_measured(

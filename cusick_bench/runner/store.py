@@ -16,13 +16,14 @@ import hashlib
 import logging
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.json_file import MOST_JSON_BYTES
 from cusick_bench.files.json_text import json_text
 from cusick_bench.files.plain_names import part_of, parts_left
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
@@ -153,11 +154,12 @@ def write_json(path: Path, document: dict[str, Any]) -> None:
     write_atomically(path, json_text(document).encode())
 
 
-def read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path, *, most_bytes: int = MOST_JSON_BYTES) -> dict[str, Any]:
     """Reads a JSON document.
 
     Args:
         path: File.
+        most_bytes: Size that it may have at most [bytes].
 
     Returns:
         What it holds.
@@ -166,12 +168,12 @@ def read_json(path: Path) -> dict[str, Any]:
         RunnerError: It is damaged.
     """
     try:
-        return read_json_object(path, remedy="repeat the run command, which makes it anew")
+        return read_json_object(path, remedy="repeat the run command, which makes it anew", most_bytes=most_bytes)
     except BadFile as error:
         raise RunnerError(f"{path} is damaged ({error.what}); {error.remedy}") from error
 
 
-def file_digests(folder: Path, names: tuple[str, ...]) -> dict[str, str]:
+def file_digests(folder: Path, names: Sequence[str]) -> dict[str, str]:
     """SHA-256 of files of a folder.
 
     Args:
@@ -253,18 +255,19 @@ class Store:
         changed = self.changed(key)
         return str(folder / changed) if changed else ""
 
-    def changed(self, key: str) -> str:
+    def changed(self, key: str, names: Sequence[str] = MARKED) -> str:
         """What of a finished cell is no longer as its marker says.
 
         Args:
             key: Name of the cell.
+            names: Files that are looked at.
 
         Returns:
             A sentence that begins with the file's name; "" where nothing has changed, or where the marker names no
             files, as in cells of before markers held hashes.
         """
-        marked, present = self._marked(key), file_digests(self.folder(key), MARKED)
-        for name in MARKED:
+        marked, present = self._marked(key), file_digests(self.folder(key), names)
+        for name in names:
             if name in marked and name not in present:
                 return f"{name} is missing"
             if name in marked and present[name] != marked[name]:

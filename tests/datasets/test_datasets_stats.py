@@ -1,6 +1,7 @@
 """Statistics per cloth against direct computation and planted effects; the `info` and `stats` commands."""
 
 import json
+import tracemalloc
 from itertools import combinations, product
 from math import factorial
 from pathlib import Path
@@ -323,3 +324,16 @@ def test_info_says_by_which_sizes_and_scale_pictures_are_read(toy):
     assert f"({toy / 'protocol.json'})" in result.stdout
     document = json.loads(CliRunner().invoke(app, ["info", str(toy), "--json"]).stdout)
     assert nominal.items() <= document["protocol"].items()
+
+
+def test_images_of_a_cloth_are_not_kept_while_others_are_read(tmp_path):
+    """Of 5000 silhouettes of 512 px they would take 5 GB."""
+    peaks = []
+    for fabrics in ((7, 8), (7, 8, 9, 10, 11)):
+        dataset = load(write_toy(tmp_path / str(len(fabrics)), fabrics=fabrics, meshes=False))
+        tracemalloc.start()
+        statistics(dataset)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    of_one_cloth = 12 * 256**2 * np.dtype(np.float32).itemsize
+    assert peaks[1] - peaks[0] < of_one_cloth

@@ -52,6 +52,20 @@ def first(lab, tmp_path_factory) -> Path:
 class TestRun:
     """The gate on runs of real solvers on small cloths."""
 
+    def test_a_baseline_is_made_of_one_look_at_each_cell(self, first, tmp_path, monkeypatch):
+        """Predictions are hashed at that, and were hashed twice."""
+        looked_at, changed = [], Store.changed
+
+        def counted(store, key, *names):
+            looked_at.append(key)
+            return changed(store, key, *names)
+
+        monkeypatch.setattr(Store, "changed", counted)
+        words = ["check", str(first), "--against", str(tmp_path / "baseline.csv"), "--write"]
+        assert CliRunner().invoke(app, words).exit_code == 0
+        assert sorted(looked_at) == sorted(path.name for path in (first / "cells").iterdir())
+        assert "# command:" in (tmp_path / "baseline.csv").read_text()
+
     def test_a_rerun_with_another_seed_passes_and_five_per_cent_do_not(self, lab, first, tmp_path):
         other = solve(lab, tmp_path / "other", [7])
         baseline = read_cells(first)

@@ -7,6 +7,7 @@ from made_up_runs import METRICS, SOLVERS, cells, verdicts
 
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.gate import paired
 from cusick_bench.leaderboard.gate.check import Gate, check
 from cusick_bench.leaderboard.gate.paired import compare, holm
 
@@ -43,6 +44,16 @@ class TestStatistics:
             return found.ratio.high / found.ratio.low
 
         assert width(8) == pytest.approx(width(1), rel=0.02)
+
+    def test_the_values_of_a_cloth_are_put_together_no_more_often_for_more_seeds(self, monkeypatch):
+        """For every seed anew they took minutes of a thousand seeds."""
+        calls, scale = [], paired._scale
+        monkeypatch.setattr(paired, "_scale", lambda cloth: calls.append(len(cloth)) or scale(cloth))
+        for seeds in (10, 40):
+            before = {("a", seed): 1 + 1e-3 * seed for seed in range(seeds)}
+            after = {cell: 1.01 * value for cell, value in before.items()}
+            compare(before, after, level=0.05, generator=np.random.default_rng(0))
+        assert calls.count(10) == calls.count(40) > 0
 
     @pytest.mark.parametrize(("old", "new"), [((0, 1, 2), (10, 11, 12)), ((0, 1), (0, 1)), ((0,), (7,))])
     def test_reruns_pass_as_often_as_promised(self, old, new):

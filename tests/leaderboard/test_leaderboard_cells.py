@@ -129,3 +129,22 @@ def test_a_cell_without_a_name_is_no_row(tmp_path, name, field):
     assert f"{field} must be a name" in cells.skipped[0].reason
     with pytest.raises(LeaderboardError, match=rf"result\.json: {field} must be a name"):
         cells.require_sound()
+
+
+def test_reading_of_many_cells_tells_how_far_it_is(tmp_path):
+    for seed in range(3):
+        write_cell(tmp_path, "homo", "blue", seed)
+    told = []
+    load_cells(tmp_path, progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_of_many_cells_that_are_left_out_the_first_have_a_note_each(tmp_path):
+    """A method that failed everywhere had thousands of lines below the table."""
+    write_cell(tmp_path, "homo", "blue")
+    for seed in range(25):
+        write_cell(tmp_path, "heter", "blue", seed, status="failed", failure="diverged")
+    notes = [note for note in only(tmp_path).notes if note.startswith("Left out")]
+    assert len(notes) == 21
+    assert notes[-1] == "Left out as well: 5 more cells (5 failed); `leaderboard --json` lists them all."
+    assert len(json.loads(shown_by_command([str(tmp_path), "--json"]).stdout)["skipped"]) == 25

@@ -14,10 +14,11 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.learning_curve import learning_splits
+from cusick_bench.leaderboard.verification import verify
 from cusick_bench.leaderboard.verification.comparison import stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import _following, read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import rows_of
-from cusick_bench.leaderboard.verification.verify import verified_keys, verify_cell
+from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
 from cusick_bench.metrics.found_stiffness import UNITS
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.runner import Cell, Source, plan, record_key, run
@@ -335,6 +336,20 @@ class TestCommand:
             assert document["rows"][0] == {"solver": "null:disc", "status": "reported", "verified": 0, "cells": 1}
             assert "test_mse must lie in [0, 1]" in document["cells"][0]["notes"][0]
 
+    def test_what_was_verified_before_an_interruption_is_kept(self, copy, data, monkeypatch):
+        first = load_cells(copy).table["folder"].iloc[0]
+
+        def interrupted(folder, *given, **options):
+            if folder != first:
+                raise KeyboardInterrupt
+            return verify_cell(folder, *given, **options)
+
+        monkeypatch.setattr(verify, "verify_cell", interrupted)
+        result = CliRunner().invoke(app, ["verify", str(copy), "--data", str(data)])
+        assert result.exit_code == 130
+        assert "interrupted: 1 cell of 4" in " ".join(result.stderr.split())
+        assert set(json.loads((copy / "verified.json").read_text())) == {first.name}
+
     def test_unknown_solver_is_said(self, finished):
         result = CliRunner().invoke(app, ["verify", str(finished), "--solver", "nobody"])
         assert result.exit_code == 2
@@ -350,3 +365,11 @@ def test_cells_of_another_data_set_keep_what_is_known_of_them(make_lab, tmp_path
         assert shown.exit_code == 0, shown.output
         assert f"cells on {load(lab).name} are verified" in shown.stderr
     assert len(verified_keys(out)) == 2
+
+
+def test_thousands_of_cells_stay_verified(tmp_path):
+    """Of 3000 cells the file has more than the 16 MiB up to which JSON is read elsewhere."""
+    entry = {"status": "verified", "files": {}, "notes": ["x" * (17 << 20)]}
+    (tmp_path / "verified.json").write_text(json.dumps({"0123456789abcdef0123": entry}))
+    keep(tmp_path, [])
+    assert verified_keys(tmp_path) == {"0123456789abcdef0123"}

@@ -27,7 +27,9 @@ from cusick_bench.report import ReportError, write_report
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.palette import DASHES, SERIES
 from cusick_bench.report.run.comparison import comparison_section
+from cusick_bench.report.run.content import Card, ClothSection
 from cusick_bench.report.run.method_curves import method_curves
+from cusick_bench.report.run.page import _linked
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
 
@@ -416,3 +418,14 @@ def test_damaged_draws_of_stiffness_are_told(tmp_path):
     _with_stiffness(cell, 1.0, np.full((4, 3), -1.0))
     with pytest.raises(ReportError, match="bending stiffness"):
         load_cell_view(cell)
+
+
+def test_a_card_of_many_cloths_leads_to_those_beside_it():
+    """Links of all cards to all others were 70 MB of a page of 500 cloths."""
+    cards = [Card("homo", "solver", "", [], anchor=f"fit-{number}") for number in range(60)]
+    sections = [ClothSection(f"silk {number}", f"cloth-{number}", [card]) for number, card in enumerate(cards)]
+    numbers = [[int(cloth[5:]) for cloth, _ in section.cards[0].others] for section in _linked(sections)]
+    assert numbers[30] == [*range(18, 30), *range(31, 43)]
+    assert (numbers[0], numbers[59]) == ([*range(1, 25)], [*range(35, 59)])
+    few = [[int(cloth[5:]) for cloth, _ in section.cards[0].others] for section in _linked(sections[:25])]
+    assert few == [[other for other in range(25) if other != number] for number in range(25)]

@@ -154,3 +154,14 @@ def test_of_two_commands_that_end_at_the_same_time_the_table_has_all_cells(cells
     others[0].join()
     with (run / "stiffness.csv").open() as file:
         assert {line["solver"] for line in csv.DictReader(file)} == set(SOLVERS[:2])
+
+
+def test_predictions_are_not_read_for_the_table_while_other_commands_wait(cells, out, tmp_path):
+    """They are nearly all of a folder, and each part of a grid writes the table at its end."""
+    run = Path(shutil.copytree(out, tmp_path / "run"))
+    (run / "cells" / Path(cells["homo"]["path"]).name / "prediction.npz").write_bytes(b"other")
+    _write_stiffness(run, load("synthetic"))
+    with (run / "stiffness.csv").open() as file:
+        assert {line["solver"] for line in csv.DictReader(file)} == set(SOLVERS[:2])
+    (skipped,) = leaderboard.load_cells(run).skipped
+    assert "prediction.npz is not what the cell was finished with" in skipped.reason

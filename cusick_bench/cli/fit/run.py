@@ -221,11 +221,11 @@ def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":
 def _write_stiffness(out: Path, dataset: "DrapeDataset") -> None:
     """The stiffness of all finished cells of the folder, whoever ran them."""
     from cusick_bench.leaderboard import LeaderboardError, load_cells, stiffness_csv
-    from cusick_bench.runner.store import locked, write_atomically
+    from cusick_bench.runner.store import CELL_FILE, RESULT_FILE, locked, write_atomically
 
     with locked(out):  # or what was read before another command's cells had ended could be written after its own table
         try:
-            cells = load_cells(out)
+            cells = load_cells(out, looked_at=(CELL_FILE, RESULT_FILE))  # other commands wait, and it is all they need
         except LeaderboardError:  # no cell has finished
             return
         write_atomically(out / STIFFNESS_FILE, stiffness_csv(cells, dataset).encode())

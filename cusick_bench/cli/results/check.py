@@ -68,7 +68,8 @@ def check_command(
             "--write compares nothing: leave --metric and --junit out; a baseline keeps all that can be compared"
         )
     gate = Gate(level=level, minimum=minimum, seed=seed)
-    cells = read_cells(run)
+    with progress_bar("reading cells") as bar:
+        cells = read_cells(run, progress=bar.show)
     if write:
         outside_package(against)
         write_baseline(cells, against, _facts(run))
@@ -80,7 +81,8 @@ def check_command(
         raise LeaderboardError(
             f"no baseline at {against}; make one with `{command_with('check', run, '--against', against, '--write')}`"
         )
-    baseline = read_cells(against)
+    with progress_bar("reading the baseline") as bar:
+        baseline = read_cells(against, progress=bar.show)
     if metric:
         both = metrics_of_both(cells, baseline)
         gate = replace(gate, metrics=tuple(metric_called(name, both) for name in metric))
@@ -103,11 +105,11 @@ def check_command(
 def _facts(run: Path) -> list[str]:
     """Head of a baseline: what made it."""
     from cusick_bench.leaderboard.cells.commands import typed
-    from cusick_bench.leaderboard.cells.loading import load_cells
+    from cusick_bench.leaderboard.cells.loading import read_run
     from cusick_bench.runner.environment import code_text
 
     facts = ["Baseline of `cusick-bench check`: metrics of every cell; compare a run with `check RUN --against` this."]
-    made = load_cells(run).run if run.is_dir() else {}
+    made = read_run(run) if run.is_dir() else {}
     for earlier in [*made.get("history", []), made] if made else []:
         facts.append(f"command: {typed(earlier.get('command', ''))}")
     if made:

@@ -74,7 +74,8 @@ def leaderboard(
                 raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(forms)}")
             if path.suffix == ".parquet":
                 require_pyarrow(str(path), instead="write .csv")
-    cells = load_cells(folder)
+    with progress_bar("reading cells") as bar:
+        cells = load_cells(folder, progress=bar.show)
     with progress_bar("ranking"):
         boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)
     found = stiffness_rows(cells, seed=seed)

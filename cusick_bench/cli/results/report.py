@@ -51,13 +51,15 @@ def report(
         raise ReportError(f"cannot write {out}: its name must end in .html")
     if out.is_dir():
         raise ReportError(f"cannot write {out}: it is a folder; choose another --out")
-    everything = load_cells(folder)
+    with progress_bar("reading cells") as bar:
+        everything = load_cells(folder, progress=bar.show)
     shown = data_set_of(everything, data)
     cells = only_of(everything, shown)
     if others := sorted(set(everything.table["dataset"]) - {shown}):
         tell(f"the page is of {shown}; for {', '.join(others)} give their data with --data, and another --out")
     boards = leaderboards(cells, by=by, seed=seed)
-    other = None if compare is None else load_cells(compare)
+    with progress_bar("reading cells to compare with") as bar:
+        other = None if compare is None else load_cells(compare, progress=bar.show)
     if other is not None and shown in set(other.table["dataset"]):
         other = only_of(other, shown)
     kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")

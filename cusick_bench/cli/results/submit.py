@@ -7,6 +7,7 @@ import typer
 
 from cusick_bench.cli.common import command_with, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import outside_package
 
 app = typer.Typer()
@@ -34,7 +35,8 @@ def submit_command(
 
     path = out or Path("leaderboards") / f"{track}.csv"
     outside_package(path)
-    cells = load_cells(run)
+    with progress_bar("reading cells") as bar:
+        cells = load_cells(run, progress=bar.show)
     cells.require_sound()
     cells.require_finished()
     rows = rows_of(cells, track)

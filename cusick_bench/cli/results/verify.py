@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import MOST_DRAWS, Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.cli.progress import progress_bar
@@ -56,7 +56,7 @@ def verify_command(
     """
     from cusick_bench.leaderboard.cells.loading import load_cells
     from cusick_bench.leaderboard.cells.source import data_set_of, load_data_of, only_of
-    from cusick_bench.leaderboard.verification.verify import keep, unreadable, verify_cell
+    from cusick_bench.leaderboard.verification.verify import VERIFIED, keep, unreadable, verify_cell
     from cusick_bench.sim.setup import Simulators
 
     run = target.parent.parent if (target / CELL_FILE).is_file() else target
@@ -80,15 +80,24 @@ def verify_command(
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     dataset = load_data_of(cells, data, fabrics_csv)
     verifications, simulators = [unreadable(cell) for cell in damaged], Simulators()
-    with folder_made(run), progress_bar("cells", len(table)) as bar:
-        for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
-            bar.begin(f"{name} on {where}")
-            verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))
-    keep(run, verifications)
+    kept = interruptible(lambda: _kept(len(verifications), len(table) + len(damaged), run / VERIFIED))
+    with kept, folder_made(run), progress_bar("cells", len(table)) as bar:
+        try:
+            for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
+                bar.begin(f"{name} on {where}")
+                verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))
+        finally:
+            keep(run, verifications)
     wrong = _altered(committed, cells) if committed else {}
     _show(run, verifications, wrong, as_json)
     if wrong or any(verification.status in ("differs", "unreadable") for verification in verifications):
         raise typer.Exit(1)
+
+
+def _kept(done: int, every: int, path: Path) -> str:
+    """What an interruption leaves behind, in words."""
+    cells = f"{done} cell{'s' * (done != 1)} of {every}"
+    return f"{cells} were looked at, and {path} says what was found; --solver and --cloth choose the others"
 
 
 def _altered(path: Path, cells: Cells) -> dict[str, list[str]]:

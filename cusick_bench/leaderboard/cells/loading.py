@@ -3,7 +3,7 @@
 import json
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -21,7 +21,7 @@ from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
 from cusick_bench.runner.labels import numerics_text, unspaced
-from cusick_bench.runner.store import CELL_FILE, RESULT_FILE, Store
+from cusick_bench.runner.store import CELL_FILE, MARKED, RESULT_FILE, Store
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")
@@ -103,13 +103,21 @@ class Cells:
             )
 
 
-def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:
+def load_cells(
+    folder: Path | str,
+    *,
+    changed: bool = False,
+    looked_at: Sequence[str] = MARKED,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Cells:
     """Reads every cell below a results folder.
 
     Args:
         folder: The folder that `cusick-bench run --out` wrote, or is writing.
         changed: Whether cells with files that were changed since they were finished stay in the table, for those who
             want to find them out; otherwise they count as damaged.
+        looked_at: Files that must be unchanged; predictions are nearly all of a folder and take long to read.
+        progress: Called with the cells that are read, and their number.
 
     Returns:
         Finished cells as a table, and the others by name.
@@ -122,8 +130,10 @@ def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:
         raise LeaderboardError(f"no results folder at {folder}; give the folder of `cusick-bench run --out`")
     rows: list[dict[str, Any]] = []
     skipped: list[Skipped] = []
-    for cell in sorted(path for path in folder.glob("cells/*") if path.is_dir()):
-        outcome = _read_cell(cell, changed)
+    folders = sorted(path for path in folder.glob("cells/*") if path.is_dir())
+    for count, cell in enumerate(folders, 1):
+        outcome = _read_cell(cell, () if changed else looked_at)
+        progress(count, len(folders))
         if isinstance(outcome, Skipped):
             skipped.append(outcome)
         else:
@@ -144,7 +154,7 @@ def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:
     for place, number in zip(known, numbers[len(table) :], strict=True):
         skipped[place] = replace(skipped[place], columns={**skipped[place].columns, "repeat": number})
     table = with_numbers(table, numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
-    return Cells(folder, _read_run(folder), table, tuple(skipped))
+    return Cells(folder, read_run(folder), table, tuple(skipped))
 
 
 def numbered_alike(tables: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
@@ -195,9 +205,9 @@ def _in_one_spelling(rows: Sequence[dict[str, Any]], skipped: Sequence[Skipped])
     return [replace(cell, solver=columns.get("solver", cell.solver), columns=columns) for cell, columns in others]
 
 
-def _read_cell(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
+def _read_cell(folder: Path, looked_at: Sequence[str]) -> dict[str, Any] | Skipped:
     try:
-        return _read_result(folder, changed)
+        return _read_result(folder, looked_at)
     except FileNotFoundError:
         asked = _asked(folder / CELL_FILE)
         return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **asked)
@@ -206,7 +216,7 @@ def _read_cell(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
         return Skipped(folder, "damaged", f"{error}; repeat the run command, which runs the cell again", **asked)
 
 
-def _read_result(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
+def _read_result(folder: Path, looked_at: Sequence[str]) -> dict[str, Any] | Skipped:
     result = _read_json(folder / RESULT_FILE)
     for name in _REQUIRED:
         if name not in result:
@@ -222,7 +232,7 @@ def _read_result(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
     for name in ("train_mse", "test_mse") if test else ("train_mse",):
         if not math.isfinite(metrics.get(name, math.nan)):
             raise ValueError(f"result.json has no finite {name}")
-    if not changed and (what := Store(folder.parent.parent).changed(folder.name)):
+    if looked_at and (what := Store(folder.parent.parent).changed(folder.name, looked_at)):
         raise ValueError(what)
     spent = {f"spent_{name}": metric_of(f"spent_{name}", value) for name, value in result.get("spent", {}).items()}
     known = {**identity, **_problem(result), "test": test}
@@ -287,7 +297,15 @@ def _named(record: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _read_run(folder: Path) -> dict[str, Any]:
+def read_run(folder: Path) -> dict[str, Any]:
+    """Reads what is recorded of the commands that filled a results folder.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        Contents of `run.json`, empty where there is none that can be read.
+    """
     try:
         document = _read_json(folder / "run.json")
         check_run(document)

@@ -8,7 +8,7 @@ Other projects need only the columns solver, cloth, seed and their metrics, as C
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,11 +40,12 @@ _MOST_BYTES = 64 << 20
 _DIGITS = 8  # significant, of a baseline's numbers
 
 
-def read_cells(path: Path) -> pd.DataFrame:
+def read_cells(path: Path, *, progress: Callable[[int, int], None] = lambda done, total: None) -> pd.DataFrame:
     """Reads cells to compare.
 
     Args:
         path: A results folder of `run --out`, or a CSV or JSON file of cells.
+        progress: Called with the cells of a folder that are read, and their number.
 
     Returns:
         A row a cell: solver, cloth, seed, status ("done" or "failed"), what is known of its problem, metrics; `repeat`,
@@ -55,7 +56,7 @@ def read_cells(path: Path) -> pd.DataFrame:
             a name, or with a metric that is none. Or the run is not finished.
     """
     if path.is_dir():
-        cells = load_cells(path)
+        cells = load_cells(path, progress=progress)
         cells.require_sound()
         table = _of_run(cells)
     elif path.is_file():

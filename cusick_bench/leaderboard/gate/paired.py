@@ -184,14 +184,16 @@ def _scale(cloth: Sequence[Block]) -> float:
 
 
 def _statistic(pairs: Blocks) -> float:
-    means = [np.mean([_change(block, _scale(cloth)) for block in cloth]) for cloth in pairs.values()]
+    scaled = [(cloth, _scale(cloth)) for cloth in pairs.values()]
+    means = [np.mean([_change(block, scale) for block in cloth]) for cloth, scale in scaled]
     return float(np.mean(means)) if means else nan
 
 
 def _changes(pairs: Blocks) -> dict[tuple[str, int], float]:
     """Relative change of every block, by cloth and place."""
+    scales = {cloth: _scale(group) for cloth, group in pairs.items()}
     return {
-        (cloth, place): _change(block, _scale(group))
+        (cloth, place): _change(block, scales[cloth])
         for cloth, group in pairs.items()
         for place, block in enumerate(group)
     }
@@ -229,8 +231,8 @@ def _permuted(pairs: Blocks, generator: np.random.Generator) -> Float[ndarray, "
     """The statistic under random exchanges of labels."""
     total = np.zeros(PERMUTATIONS)
     for cloth in pairs.values():
+        weight = 1 / (_scale(cloth) * len(cloth) * len(pairs))
         for block in cloth:
-            weight = 1 / (_scale(cloth) * len(cloth) * len(pairs))
             values, count = np.concatenate([block.before, block.after]), len(block.before)
             order = generator.random((PERMUTATIONS, len(values))).argsort(axis=1)
             shuffled = values[order]

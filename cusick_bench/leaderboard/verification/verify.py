@@ -51,6 +51,7 @@ from cusick_bench.solvers.registry import make_solver
 _log = logging.getLogger(__name__)
 
 VERIFIED = "verified.json"
+_MOST_BYTES = 1 << 30  # of its entries, of 6 kB a cell
 _FILES = (CELL_FILE, RESULT_FILE, PREDICTION_FILE)
 
 
@@ -165,7 +166,7 @@ def keep(run: Path, verifications: list[Verification]) -> None:
 def _kept(path: Path) -> dict[str, Any]:
     """Entries of an earlier verification; none, with a log entry, if the file is damaged."""
     try:
-        return read_json(path) if path.exists() else {}
+        return read_json(path, most_bytes=_MOST_BYTES) if path.exists() else {}
     except RunnerError as error:
         _log.warning("%s; cells are to be verified again", error)
         return {}
@@ -181,7 +182,7 @@ def verified_keys(run: Path) -> set[str]:
         Names of cells.
     """
     try:
-        known = read_json(run / VERIFIED)
+        known = read_json(run / VERIFIED, most_bytes=_MOST_BYTES)
     except (OSError, RunnerError):
         return set()
     verified = {

@@ -90,7 +90,7 @@ class Card:
         band: Number of unseen silhouettes behind the band of `profile`; 0 without a band.
         draws: The first draws for unseen samples.
         anchor: Name of the card in links.
-        others: The solver on other cloths: cloth and anchor.
+        others: The solver on other cloths, of many on those before and after: cloth and anchor.
         turnable: Whether the page has its drape in 3D.
     """
 

@@ -48,6 +48,7 @@ from cusick_bench.runner.environment import code_text, hardware_text
 
 TITLE = "Cusick drape report"
 _OTHER_SAMPLES = "Some of the fits below are to other samples, as their own pictures show."
+_MOST_LINKS = 24  # of a card to its solver on other cloths; links of all to all would be most of a page of hundreds
 _SAME = 1 / 255  # from which difference of a pixel on silhouettes are of two pictures
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
 
@@ -144,14 +145,20 @@ def _stiffness_table(cells: Cells, links: Links) -> BoardTable | None:
 
 
 def _linked(sections: Sequence[ClothSection]) -> list[ClothSection]:
-    """The sections with links from card to card of one solver."""
+    """The sections with links from card to card of one solver, of many to the cloths before and after."""
     of_solver: dict[str, list[tuple[str, str]]] = {}
+    places: dict[str, int] = {}
     for section in sections:
         for card in section.cards:
-            of_solver.setdefault(card.solver, []).append((section.name, card.anchor))
+            own = of_solver.setdefault(card.solver, [])
+            places[card.anchor] = len(own)
+            own.append((section.name, card.anchor))
 
     def linked(card: Card) -> Card:
-        return replace(card, others=tuple(other for other in of_solver[card.solver] if other[1] != card.anchor))
+        own = of_solver[card.solver]
+        first = max(0, min(places[card.anchor] - _MOST_LINKS // 2, len(own) - _MOST_LINKS - 1))
+        near = own[first : first + _MOST_LINKS + 1]
+        return replace(card, others=tuple(other for other in near if other[1] != card.anchor))
 
     return [replace(section, cards=[linked(card) for card in section.cards]) for section in sections]
 
