@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.benchmark import suite
 from cusick_bench.benchmark.suite import FULL, PARTS, Plan, benchmark, scaling, work
+from cusick_bench.benchmark.text import _sizes
 from cusick_bench.cli import app
 
 QUICK_SECONDS = 300  # on two quiet cores
@@ -112,3 +113,12 @@ def test_a_quiet_benchmark_does_not_say_what_it_writes(tmp_path, monkeypatch):
         done = CliRunner().invoke(app, ["benchmark", "--out", str(tmp_path / "b.json"), "--json", *words])
         assert done.exit_code == 0, done.output
         assert ("wrote" in done.stderr) == told
+
+
+def test_tables_show_drapes_in_seconds_steps_in_milliseconds_and_memory_in_megabytes():
+    cases, phases = {"drop": {"median_s": 0.25}}, {"factorisation": {"median_s": 0.0025}}
+    ratios, memory = {"drop / floor": {"median": 1.3}}, {"kept": 3e8, "checkpointed": 5e7}
+    mesh = {"vertices": 1205, "cases": cases, "phases": phases, "ratios": ratios, "memory_bytes": memory}
+    text = "\n".join(_sizes([mesh]))
+    for line in ("| drop | 0.250 (1.30) |", "| factorisation | 2.50 |", "| kept | 300 |", "| checkpointed | 50 |"):
+        assert line in text, line

@@ -83,6 +83,8 @@ def _solved(benchmark: Path, solver_file: str, drapes: int) -> tuple[Any, dict[s
 def test_a_solver_gets_the_scores_of_a_run_with_the_same_seed_and_budget(benchmark: Path, tmp_path: Path):
     solver, scores = _solved(benchmark, "sobol.py", 0)
     assert solver.attempt.problem.meter.forward_equivalents == FEWEST_DRAPES
+    asked = solver.attempt.cell.settings
+    assert (asked.space, asked.vertices, asked.drape) == (TOY.space, TOY.vertices, TOY.drape)
     source = Source("synthetic")
     (cell,) = plan(
         load_once(source), solvers=["sobol"], cloths=["fabric_1"], seeds=[7], settings=solver.attempt.cell.settings

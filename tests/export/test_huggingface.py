@@ -46,8 +46,10 @@ def test_pictures_and_columns_are_those_of_the_data_set(written: Path, toy_data:
     for number in (0, len(rows) - 1):
         picture = np.asarray(Image.open(io.BytesIO(rows[number]["image"]["bytes"])))
         assert np.abs(picture / 255 - dataset.image(number).numpy()).max() <= 0.5 / 255 + 1e-9
-    train = {number for split in dataset.split("paper") for number in split.train}
-    assert {number for number, row in enumerate(rows) if row["paper_split"] == "train"} == train
+    splits = dataset.split("paper")
+    for name in ("train", "test"):
+        expected = {number for split in splits for number in getattr(split, name)}
+        assert {number for number, row in enumerate(rows) if row["paper_split"] == name} == expected
 
 
 def test_what_is_unknown_is_null(make_lab, tmp_path: Path):

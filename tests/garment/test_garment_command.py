@@ -42,6 +42,7 @@ def test_command_writes_meshes_pictures_motion_and_numbers(tmp_path: Path):
     with np.load(folder / "motion.npz") as motion:
         assert motion["positions"].shape == (document["motion"]["frames"], 2, document["vertices"], 3)
         np.testing.assert_allclose(motion["positions"][0, 1], positions, atol=1e-5)
+        assert motion["times"][[0, -1]] == pytest.approx([0, 0.4 + 0.8])  # of the motion, and until it settles
     for name in ("draw_0000.png", "draw_0000_above.png", "draw_0000_front.png", "turntable.png", "motion.png"):
         with Image.open(folder / name) as picture:
             assert np.asarray(picture.convert("L")).min() < 200  # not empty

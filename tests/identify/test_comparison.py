@@ -29,6 +29,7 @@ from cusick_bench.identify.measured_fabrics import (
     quantile_table,
 )
 from cusick_bench.metrics.stiffness import bending_length
+from cusick_bench.report.drawing.fabric_range_graph import fabric_range_graph
 
 HEAD = "density[kg.m-2], linear warp[SI*1e9], linear weft[SI*1e9], linear diag[SI*1e9], nonlinear warp[SI*1e12]\n"
 LOG_NORMAL = FabricRange("bending", "warp", 0.0, inf, 500, tuple(np.exp([-2.3263, -1.6449, -1.2816, -0.6745, 0.0,
@@ -192,6 +193,31 @@ def test_a_share_beyond_the_outer_quantiles_is_shown_as_a_bound():
     limp, stiff, *_ = comparison_section("fabric_1", found, 0.17).rows
     assert (limp.among_similar, limp.among_all) == ("at most 1 %", "at most 1 %")
     assert (stiff.among_similar, stiff.among_all) == ("at least 99 %", "at least 99 %")
+
+
+def test_all_fabrics_and_those_of_similar_weight_are_not_taken_for_each_other(monkeypatch):
+    """A cloth that is stiff for its weight: in the table, and in the graph, where all lie above those of its weight."""
+    every, similar = compared_ranges("bending", "warp", 0.09)
+    found, drawn = compare(0.09, fit(warp=Stiffness(value=3e-5)), None), []
+    assert found is not None
+
+    def graph(panels):
+        drawn.extend(panels)
+        return fabric_range_graph(panels)
+
+    monkeypatch.setattr("cusick_bench.identify.comparison_section.fabric_range_graph", graph)
+    row, *_ = comparison_section("fabric_1", found, 0.09).rows
+    shares = [one.percent_below(3e-5) for one in (similar, every)]
+    assert shares[0] > shares[1] + 5
+    assert [row.among_similar, row.among_all] == [f"{share:.0f} %" for share in shares]
+    bending = drawn[0].rows[0]
+    shown = [LEVELS.index(level) for level in (0.05, 0.25, 0.5, 0.75, 0.95)]
+    for numbers, among in ((bending.every, every), (bending.similar, similar)):
+        assert numbers == pytest.approx([1e6 * among.quantiles[place] for place in shown])
+    lines = [np.asarray(line.get_xydata()) for axes in fabric_range_graph(drawn[:1]).axes for line in axes.lines]
+    for numbers, above in ((bending.every, True), (bending.similar, False)):
+        (height,) = (line[0, 1] for line in lines if line[:, 0].tolist() == [numbers[2]])
+        assert (height < 0) == above  # heights count downwards
 
 
 def test_without_weight_or_stiffness_there_is_nothing_to_compare():

@@ -93,6 +93,7 @@ def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer,
         assert fabric.diagnosis_missing == ""
         stored = json.loads((out / fabric.diagnosis.path).read_text())
         assert stored["verdict"] == fabric.diagnosis.verdict
+        assert (fabric.diagnosis.p, fabric.diagnosis.closure) == (stored["gap"]["p"], stored["closure"]["fraction"])
         if fabric.areal_density is None:
             assert fabric.diagnosis.bending is None
         else:

@@ -6,19 +6,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from identified import made_up_fit
 from identify_command import SOLVER
 from PIL import Image
 
 from cusick_bench.datasets import load
 from cusick_bench.datasets.stats import statistics
+from cusick_bench.diagnosis.options import Options as DiagnosisOptions
+from cusick_bench.identify.diagnoses import diagnose_fabrics
 from cusick_bench.identify.document import Fit
 from cusick_bench.identify.earlier_fits import keys_of_fits
-from cusick_bench.identify.fits import plan_fits, typical_rows
+from cusick_bench.identify.fits import plan_fits, run_fits, typical_rows
 from cusick_bench.identify.identify import begin
 from cusick_bench.identify.options import Options
-from cusick_bench.identify.words import left_out_notes
+from cusick_bench.identify.words import fit_notes, left_out_notes
 from cusick_bench.identify.workspace import Workspace
-from cusick_bench.runner import Store
+from cusick_bench.metrics.stiffness import BENDING
+from cusick_bench.problem import Budget
+from cusick_bench.runner import Source, Store
+from cusick_bench.sim.constants import DEFAULT_LAW
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+FOUND = ("stiffness", "stretch")
 
 
 def test_a_weight_that_is_added_counts_in_the_same_process(lab, tmp_path):
@@ -114,3 +123,45 @@ def test_a_fit_is_kept_where_the_folder_of_the_data_is_renamed(lab, tmp_path, mo
         keys.append(keys_of_fits(dataset, plan_fits(dataset, ["fabric_1"], options).cells, workspace))
         monkeypatch.setattr(Store, "is_done", lambda store, key: key in keys[0].values())
     assert keys[0] == keys[1]
+
+
+def test_fits_and_diagnoses_are_as_the_options_say(lab, atlas, tmp_path, monkeypatch):
+    options = Options(solver="sobol", vertices=97, steps=10, budget=3, samples=5, seed=7)
+    (cell,) = plan_fits(load(lab), ["fabric_2"], options).cells.values()
+    settings = cell.settings
+    assert (cell.solver, cell.seed, settings.vertices, settings.budget) == ("sobol", 7, 97, Budget(3))
+    assert settings.drape == DrapeSettings(law=DEFAULT_LAW, steps=10)
+    asked = []
+
+    def stopped(captures, emulator, calibration, options, progress):
+        asked.append(options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cusick_bench.identify.diagnoses.data_set_diagnosis", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_fabrics(str(lab), load(lab), ["fabric_1"], Workspace(tmp_path), options, atlas=atlas)
+    assert asked == [DiagnosisOptions(samples=5, seed=7)]
+
+
+def test_a_fit_states_the_numbers_of_its_result(lab, tmp_path, monkeypatch):
+    known, options, workspace = made_up_fit(), Options(solver="sobol", vertices=97), Workspace(tmp_path)
+    metrics = {"train_dc_target": 0.631, "train_dc": 0.642, "train_mse": 0.012, "test_mse": 0.5, "test_dc_error": 0.1}
+    result = {"status": "done", "metrics": metrics, "spent": {"forward_equivalents": 400, "wall_seconds": 7}}
+    result |= {name: {key: one.model_dump(mode="json") for key, one in getattr(known, name).items()} for name in FOUND}
+    result |= {"stiffness_curve": dict.fromkeys(BENDING, [1e-5] * 5), "stiffness_spread": dict.fromkeys(BENDING, 0.0)}
+    monkeypatch.setattr("cusick_bench.identify.fits.run", lambda *_, **__: [])
+    monkeypatch.setattr(Store, "result", lambda store, key: result)
+    dataset = load(lab)
+    fits, missing = run_fits(Source(str(lab)), dataset, plan_fits(dataset, ["fabric_2"], options), workspace, options)
+    assert not missing
+    for name in (*FOUND, "drape_coefficient", "simulated_drape_coefficient", "mse", "drapes"):
+        assert getattr(fits["fabric_2"], name) == getattr(known, name), name
+    assert fits["fabric_2"].image.endswith("Fabric_2_Sample_1_Capture_1.jpg")
+
+
+@pytest.mark.parametrize(("simulated", "told"), [(0.9, True), (0.52, False), (0.1, True)])
+def test_a_rough_fit_is_told_with_both_drape_coefficients(simulated, told):
+    fit = made_up_fit().model_copy(update={"drape_coefficient": 0.5, "simulated_drape_coefficient": simulated})
+    words = f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one 50 %: the fit is rough."
+    notes = " ".join(fit_notes(fit, 3, 600))
+    assert (words in notes) == ("rough" in notes) == told

@@ -11,8 +11,12 @@ from page_browser import HEADINGS, NAMELESS, TELEPHONE, chromium, needs_chromium
 from toy_cloths import write_toy
 
 from cusick_bench.datasets import load
-from cusick_bench.identify.fabric_table import COLUMNS
-from cusick_bench.identify.page import _other_profiles
+from cusick_bench.datasets.stats import statistics
+from cusick_bench.identify.comparison import compare
+from cusick_bench.identify.document import Spread
+from cusick_bench.identify.fabric_table import COLUMNS, fabric_table
+from cusick_bench.identify.identify import _drapes
+from cusick_bench.identify.page import _numbers, _other_profiles
 from cusick_bench.metrics.stiffness import bending_length
 
 
@@ -54,6 +58,38 @@ def test_the_table_has_a_row_for_each_fabric_in_every_unit(document, out):
     assert first["drape_coefficient_definition"].endswith("ISO 9073-9, cloth 300 mm, plate 180 mm")
     assert second["bending_warp_uN_m"] == second["solver"] == second["verdict"] == ""
     assert second["fit_missing"].startswith("its weight is not known")
+
+
+def test_the_table_of_all_samples_and_of_differences_between_faces(document):
+    """Of a fabric without fit, whose stiffness is the diagnosis' alone."""
+    first = document.fabrics[0]
+    drapes = first.drapes.model_copy(update={"down_minus_up": -0.021})
+    one = first.model_copy(update={"drapes": drapes, "fit": None, "comparison": compare(DENSITY, None, 5e-5)})
+    (row,) = csv.DictReader(fabric_table(document.model_copy(update={"fabrics": (one,)})).splitlines())
+    assert float(row["bending_all_samples_uN_m"]) == pytest.approx(50)
+    assert [float(row[name]) for name in ("drape_coefficient_sd", "folds", "folds_sd")] == [0.02, 7.2, 0.4]
+    assert float(row["face_down_minus_up"]) == -0.021
+    shown = {number.name: number.value for number in _numbers(one)}
+    assert shown["face down − up"] == "-2.1 points"
+
+
+def test_drapes_are_counted_and_measured_as_by_stats(tmp_path):
+    (known,) = statistics(load(write_toy(tmp_path, samples=3, captures=3, meshes=False)))
+    found = _drapes(known)
+    assert (found.samples, found.silhouettes, found.units, found.unusable) == (3, 9, 6, 0)
+    assert found.drape_coefficient == Spread(value=known.drape_coefficient, sd=known.drape_coefficient_sd)
+    assert found.folds == Spread(value=known.folds, sd=known.folds_sd)
+    assert found.down_minus_up == known.down_minus_up.mean != 0
+
+
+def test_every_number_of_the_page_stands_in_its_column(document, out):
+    text = Page((out / "identify.html").read_text()).text
+    name = document.fabrics[0].fabric
+    numbers = "63.0 ± 2.0 7.2 ± 0.4 14.0 [6.00, 31.0] 7.00 [3.00, 15.5] 9.33 [4.00, 20.7]"
+    assert f"bending, warp µN m bending, weft µN m bending, bias µN m diagnosis {name} 5 {numbers} –" in text
+    camera = "the camera, of unknown height, was calibrated from the printed board, scale ± 0.2 %."
+    assert f"10 of 11 photographs were used; {camera}" in text
+    assert "weight 180 g/m²" in text
 
 
 def test_the_fit_stands_beside_the_same_face_of_the_other_samples(tmp_path):

@@ -112,3 +112,19 @@ def test_command_refuses_with_status_2(tmp_path):
     assert shown_by_command([str(tmp_path / "nothing")]).exit_code == 2
     write_cell(tmp_path, "homo", "blue")
     assert shown_by_command([str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2
+
+
+def test_every_column_shows_its_own_metric_in_its_unit(tmp_path):
+    metrics = {"train_mse": 0.0123, "test_mse": 0.0456, "test_mse_best": 0.0345, "test_hausdorff_m": 0.0316}
+    metrics |= {"test_dc_error": 0.021, "test_folds_error": 1.3, "test_energy_distance": 0.912, "test_dc_crps": 0.0234}
+    write_cell(tmp_path, "bdp", "blue", draws=100, test_dc_cover_90=0.8, **metrics)
+    write_cell(tmp_path, "null:random-phase", "blue", draws=100, test_mse=0.06, test_mse_best=0.0333)
+    text = text_table(only(tmp_path))
+    (line,) = [entries for entries in text.entries if "bdp" in entries]
+    shown = {f"{column.head} {column.unit}".strip(): entry for column, entry in zip(text.columns, line, strict=True)}
+    assert shown == {
+        "#": "1", "solver": "bdp", "kind": "solver", "cells": "1", "train MSE": ".0123", "test MSE [95 %]": ".0456",
+        "best MSE /N": ".0345 /100", "random MSE /N": ".0333", "H mm": "31.6", "DC err points": "2.1",
+        "folds err": "1.3", "energy dist.": ".91", "CRPS points": "2.3", "cover 90 %": "80", "cost drapes": "240",
+        "time s": "61.5",
+    }  # fmt: skip

@@ -119,6 +119,31 @@ class TestTable1:
         assert [shown[name] for name in ("heter", "sobol", "homo")] == ["1 of 5", "0 of 5", ""]
 
 
+@pytest.mark.parametrize("name", ["table-1", "table-2"])
+def test_every_column_shows_its_own_metric_in_its_unit(name, tmp_path):
+    metrics = {"train_mse": 0.0123, "test_mse": 0.0456, "test_mse_best": 0.0345, "train_hausdorff_m": 0.0111}
+    metrics |= {"test_hausdorff_m": 0.0222, "test_hausdorff_best_m": 0.0333, "test_energy_distance": 0.444}
+    metrics |= {"test_variogram_score": 0.0555, "test_dc_crps": 0.0234, "test_dc_cover_50": 0.4, "test_fold_p": 0.66}
+    write_cell(tmp_path, "bdp", "cotton_blue", 0, draws=1000, test_dc_cover_90=0.8, **metrics)
+    cells = load_cells(tmp_path)
+    (board,) = leaderboards(cells)
+    text = set_table(make_table(name, cells, board, at_equal_time={("bdp", ""): 0.0777}))
+    shown = [(column.head, column.unit, entry) for column, entry in zip(text.columns, text.entries[0], strict=True)]
+    assert shown[1:] == {
+        "table-1": [
+            ("published", "MSE", ".0384"), ("published", "H mm", "21.7"), ("test", "MSE [95 %]", ".0456"),
+            ("best", "MSE /N", ".0345 /1000"), ("H", "mm", "22.2"), ("H best", "mm", "33.3"),
+            ("energy", "dist.", ".444"), ("variogram", "score", ".0555"), ("CRPS", "DC points", "2.34"),
+            ("cover", "50 %", "40"), ("cover", "90 %", "80"), ("folds", "p", ".66"), ("folds", "rejected", "0 of 1"),
+            ("train", "MSE", ".0123"),
+        ],
+        "table-2": [
+            ("published", "MSE", ".0452"), ("published", "H mm", "20.1"), ("train", "MSE [95 %]", ".0123"),
+            ("H", "mm", "11.1"), ("equal time", "MSE", ".0777"), ("test", "MSE", ".0456"),
+        ],
+    }[name]  # fmt: skip
+
+
 class TestMethods:
     def test_draws_go_to_who_offers_many(self):
         found, missing = methods(["homo", "null:random-phase", "null:rotation", "rembo@heter", "nobody"], 50)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.leaderboard import (
     cell_records,
+    cell_table,
     html_table,
     load_cells,
     markdown,
@@ -242,3 +243,16 @@ def test_records_are_numbers_that_json_and_csv_hold(run):
 )
 def test_three_significant_digits_without_exponent(value, text):
     assert significant(value) == text
+
+
+def test_coverage_is_shown_in_per_cent_and_bounds_of_cells_are_in_order(run):
+    cells = load_cells(run)
+    table = stiffness_table(stiffness_rows(cells))
+    place = [column.head for column in table.columns].index("cover")
+    assert {entries[0]: entries[place] for entries in table.entries if "bdp" in entries} == {
+        "blue": "100", "red": "0", "all cloths": "50",
+    }  # fmt: skip
+    (row,) = (one for one in cell_table(cells).to_dict("records") if (one["solver"], one["cloth"]) == ("bdp", "blue"))
+    for name, value in (("bending_warp_n_m", 1.5 * TRUE), ("stretch_shear_n_per_m", 150.0)):
+        found = [row[f"{name}{end}"] for end in ("_low", "", "_high")]
+        assert found == pytest.approx([value / 2, value, 2 * value]), name

@@ -217,6 +217,20 @@ def test_a_table_goes_before_the_weight_of_all_and_after_that_of_one_fabric(tmp_
     assert setting_of(SettingText(weight=tuple(options)), tmp_path, [1, 2]).weights == pytest.approx(weights)
 
 
+def test_height_and_check_ruler_that_are_told_reach_the_calibration(tmp_path, monkeypatch):
+    told = {}
+
+    def calibrated(*rulers, **numbers):
+        told.update(numbers)
+        raise BadPhotograph("is enough", remedy="")
+
+    monkeypatch.setattr("cusick_bench.photographs.preparation.prepare.calibrated", calibrated)
+    words = ["--out", str(tmp_path / "set"), "--camera-height", "1.2 m", "--printed-ruler", "148.5 mm"]
+    result = CliRunner().invoke(app, ["data", "prepare", str(_folder(tmp_path, DRAPE, "board-plane.jpg")), *words])
+    assert "is enough" in result.output
+    assert told == pytest.approx({"height": 1.2, "printed": 0.99})
+
+
 def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_into(tmp_path):
     folder, out = _folder(tmp_path, DRAPE, "plate.jpg"), tmp_path / "set"
     words = ["data", "prepare", str(folder), "--out", str(out)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets.files.mesh_file import read_mesh
-from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.photographs.accuracy import Measured, accuracy, measure
@@ -18,8 +18,9 @@ from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.calibrate import Named, calibrated
 from cusick_bench.photographs.preparation.on_axis import left_by_calibration, left_off_axis, seen_on_axis
-from cusick_bench.photographs.preparation.prepare import Setting, protocol_of
+from cusick_bench.photographs.preparation.prepare import Setting, fabrics_table, protocol_of
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
+from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
 from cusick_bench.photographs.preparation.silhouette import silhouette
 from cusick_bench.photographs.preparation.weights import read_weights, template
 from cusick_bench.photographs.reading import Photograph
@@ -114,6 +115,25 @@ def test_a_fabric_that_is_given_twice_is_refused(tmp_path):
 def test_values_that_no_drape_meter_has_are_refused(eye, plate, says):
     with pytest.raises(BadPhotograph, match=says):
         protocol_of(_view(eye=eye), Setting(cloth_radius=0.15, plate_radius=plate))
+
+
+def test_options_are_in_the_setting_and_the_setting_is_in_the_data_set(tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_text("fabric,weight,thickness\n1,180 g/m2,0.4 mm\n")
+    text = SettingText(
+        weights=table, cloth_diameter="24 cm", plate_diameter="12 cm", captures="1=down,2=up", camera_height="1.2 m",
+        printed_ruler="148.5 mm",
+    )  # fmt: skip
+    setting = setting_of(text, tmp_path, [1])
+    lengths = (setting.cloth_radius, setting.plate_radius, setting.camera_height, setting.printed)
+    assert lengths == pytest.approx((0.12, 0.06, 1.2, 0.99))
+    assert fabrics_table([1], setting).splitlines()[1] == "1,0.18,0.0004"
+    protocol = protocol_of(_view(eye=(0.01, 0.0, 1.1)), replace(setting, image_size=256))
+    lengths = (protocol.cloth_radius_m, protocol.plate_radius_m, protocol.camera_height_m)
+    assert lengths == pytest.approx((0.12, 0.06, 1.1))
+    assert protocol.captures == {1: "down", 2: "up"}
+    assert protocol.image_size_px == 256
+    assert 256 / protocol.px_per_m / 0.24 == pytest.approx(RELEASE.image_size_px / RELEASE.px_per_m / 0.3, rel=5e-3)
 
 
 def test_a_plate_outside_the_picture_is_refused(monkeypatch):
@@ -245,6 +265,15 @@ def test_the_plate_checks_the_scale_of_the_board(board_and_plate, ruler, told, c
     alone = calibrated(board, [], None, 0.09, printed=ruler / 150).uncertainty.scale
     assert view.uncertainty.scale == pytest.approx(np.hypot(alone, ruler / 150 - 1), abs=2e-4)
     assert ("mm by the board, but 90.0 mm are told, so the scale is taken to be uncertain" in caplog.text) == told
+
+
+@pytest.mark.parametrize("ruler", ["board", "plate"])
+def test_a_height_that_was_measured_is_the_cameras(board_and_plate, ruler):
+    board, plate = (one if one[0].startswith(ruler) else None for one in board_and_plate)
+    view = calibrated(board, [], plate, 0.09, height=1.3)
+    assert view.eye[2] == pytest.approx(1.3, rel=0.01)
+    assert view.uncertainty.height_m == pytest.approx(0.013, rel=0.01)
+    assert not calibrated(board, [], plate, 0.09).knows_height
 
 
 @pytest.mark.parametrize("size", [0.97, 1.015])

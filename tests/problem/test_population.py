@@ -11,10 +11,12 @@ import pandas as pd
 import pytest
 import torch
 from PIL import Image
+from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.cli.fit import population as command
+from cusick_bench.datasets import load
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.metrics import mse
@@ -319,6 +321,18 @@ class TestPopulation:
             population_samples("synthetic")
         monkeypatch.setattr(derivation, "FABRICS", ("fabric_1", "fabric_2"))
         assert {group.fabric for group in population_samples("synthetic")} == {"fabric_1", "fabric_2"}
+
+    def test_the_first_picture_of_each_face_is_a_sample_and_the_second_repeats_it(self, tmp_path, monkeypatch):
+        data = load(write_toy(tmp_path, fabrics=(7, 8), samples=2, captures=4, meshes=False))
+        monkeypatch.setattr(derivation, "FABRICS", ("fabric_7", "fabric_8"))
+        groups = population_samples(tmp_path)
+        assert [(one.fabric, one.turned) for one in groups] == list(product(("fabric_7", "fabric_8"), (False, True)))
+        for one in groups:
+            for images, capture in zip((one.images, one.repeats), (3, 4) if one.turned else (1, 2), strict=True):
+                rows = data.index[(data.index["cloth"] == one.fabric) & (data.index["capture"] == capture)]
+                expected = [data.image(int(row)).numpy() for row in rows.sort_values("sample").index]
+                assert (images == np.stack(expected)).all()
+            assert one.numbers == (1, 2)
 
     def test_too_few_drapes_are_refused(self):
         with pytest.raises(ProblemError, match="needs at least"):

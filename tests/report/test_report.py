@@ -25,9 +25,10 @@ from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 from cusick_bench.metrics.stiffness import BENDING, STRETCH
 from cusick_bench.report import ReportError, write_report
 from cusick_bench.report.cell_view import load_cell_view
+from cusick_bench.report.drawing.change_graph import change_graph
 from cusick_bench.report.drawing.palette import DASHES, SERIES
 from cusick_bench.report.run.comparison import comparison_section
-from cusick_bench.report.run.content import Card, ClothSection
+from cusick_bench.report.run.content import Card, ClothSection, numbers
 from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.report.run.page import _linked
 from cusick_bench.solvers.reference.silhouettes import silhouette
@@ -250,6 +251,37 @@ def test_a_change_is_not_rounded_to_none(ratio, shown, monkeypatch):
     cells = Cells(Path("run"), {}, pd.DataFrame(), ())
     ((entry,),) = (row.changes for row in comparison_section(cells, cells).rows)
     assert entry.text == shown
+
+
+def test_every_number_of_a_fit_stands_under_its_own_name():
+    metrics = {"train_mse": 0.0111, "test_mse": 0.0222, "test_mse_best": 0.0333, "floor_mse": 0.0044, "draws": 8}
+    metrics |= {"train_hausdorff_m": 0.0055, "test_hausdorff_m": 0.0066, "train_dc": 0.631, "train_dc_target": 0.642}
+    metrics |= {"train_folds": 7.0, "train_folds_target": 9.0}
+    spent = {"spent_forward_equivalents": 240.0, "spent_wall_seconds": 61.0}
+    assert [(one.name, one.value, one.of) for one in numbers(pd.Series(metrics | spent))] == [
+        ("MSE, training sample", ".0111", "floor .0044"),
+        ("MSE, unseen samples", ".0222", "best of 8: .0333"),
+        ("Hausdorff, training", "5.5 mm", ""),
+        ("Hausdorff, unseen", "6.6 mm", ""),
+        ("drape coefficient", "63.1 %", "real 64.2"),
+        ("folds", "7", "real 9"),
+        ("cost", "240 drapes", ""),
+        ("time", "61 s", ""),
+    ]
+
+
+def test_the_other_run_is_before_and_this_one_after(monkeypatch):
+    change = Change(0.04, 0.02, Estimate(0.5, 0.4, 0.6))
+    both = TwoRuns([MethodChange("homo", "solver", 1, {"test_mse": change})], [], [], [])
+    monkeypatch.setattr("cusick_bench.report.run.comparison.compare_runs", lambda *_, **__: both)
+    cells = Cells(Path("run"), {}, pd.DataFrame(), ())
+    section = comparison_section(cells, cells)
+    assert [(row.before, row.after) for row in section.rows] == [(".0400", ".0200")]
+    assert section.graph is not None
+    assert "homo from 0.0400 to 0.0200" in section.graph
+    filled = [line for line in change_graph(both.methods, "test_mse").axes[0].lines if line.get_marker() == "o"]
+    assert [np.asarray(line.get_xdata()).tolist() for line in filled] == [[0.04], [0.02]]  # hollow, then full
+    assert [line.get_markerfacecolor() == "none" for line in filled] == [True, False]
 
 
 def test_links_lead_to_sections(page):

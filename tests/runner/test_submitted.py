@@ -128,6 +128,28 @@ def _submitit_of(looks: float, submitted: list[Batch]) -> SimpleNamespace:
     return SimpleNamespace(LocalExecutor=lambda *_, **__: executor)
 
 
+def test_what_a_job_asks_for_is_asked_of_slurm(data, cells, tmp_path, monkeypatch):
+    asked: dict[str, Any] = {}
+
+    def submit_array(batches: list[Batch]) -> None:
+        asked["cells"] = [batch.cells for batch in batches]
+        asked["threads"] = os.environ["OMP_NUM_THREADS"]
+        raise RuntimeError("is enough")
+
+    executor = SimpleNamespace(update_parameters=asked.update, submit_array=submit_array)
+    submitit = SimpleNamespace(SlurmExecutor=lambda folder, max_num_timeout: executor)
+    monkeypatch.setitem(sys.modules, "submitit", submitit)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    Store(tmp_path).prepare()
+    job = {"mem": "8GB", "time": "30", "cpus_per_task": "2"}
+    with pytest.raises(RunnerError, match="slurm does not take the job: is enough"):
+        Submitted("slurm", 3, job).run(Source(str(data)), cells, Store(tmp_path), Unwatched())
+    assert asked == {
+        "job_name": "cusick-bench", "array_parallelism": 3, "mem": "8GB", "time": 30, "cpus_per_task": 2,
+        "cells": [(cell,) for cell in cells], "threads": "2",
+    }  # fmt: skip
+
+
 def test_files_that_a_network_file_system_shows_late_are_waited_for(data, cells, tmp_path, monkeypatch):
     submitted: list[Batch] = []
     monkeypatch.setitem(sys.modules, "submitit", _submitit_of(12, submitted))

@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.constants import GRAVITY
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, PLATE_RADIUS
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.effects.directions import leaned
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE
+from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE, Plan
+from cusick_bench.withheld.suite.labels import label_of
 from cusick_bench.withheld.world.fields import matern_field
 from cusick_bench.withheld.world.laws import OUTSIDE as OUTSIDE_LAWS
 from cusick_bench.withheld.world.laws import material
@@ -302,3 +305,46 @@ def test_sheets_that_overlap_are_pushed_apart():
     assert force[fold, 2].sum() < -1e-6
     assert np.abs(contact.repulsion(system, p.mass, x, 5e-4)).max() == 0
     assert np.abs(contact.repulsion(system, p.mass, system.mesh.flat, 5e-3)).max() == 0
+
+
+def seen(points, name, **value):
+    return law(name)(scene(), value).seen[0](np.array(points))
+
+
+def test_the_camera_moves_what_it_sees_the_way_that_labels_and_effects_say():
+    """Scale and offset by their values, what hangs low or lies far out smaller, a leaning axis as the package leans."""
+    rim = [[0.12, 0.0, -0.04], [0.0, 0.12, -0.04], [-0.12, 0.0, -0.04], [0.0, -0.12, -0.04]]
+    reach = np.hypot(*seen(rim, "camera-scale", error=0.1)[:, :2].T)
+    assert reach.mean() == pytest.approx(1.1 * 0.12)
+    moved = seen(rim, "camera-offset", shift=0.01, direction=90.0) - rim
+    np.testing.assert_allclose(moved, np.tile([0, 0.01, 0], (4, 1)), atol=5e-3)
+    assert moved[0, 1] > 4e-3
+    far = 0.12 / (1 + 0.7 * 0.04)
+    np.testing.assert_allclose(np.hypot(*seen(rim, "perspective", inverse_height=0.7)[:, :2].T), far, rtol=3e-3)
+    assert (np.hypot(*seen(rim, "perspective", inverse_height=0.7)[:, :2].T) < far).all()
+    flat = [[PLATE_RADIUS, 0.0, 0.0], [0.14, 0.0, 0.0]]
+    edge, outer = seen(flat, "lens", strength=4.0)[:, 0]
+    assert edge == pytest.approx(PLATE_RADIUS)
+    assert outer < 0.139
+    below = seen([[0.0, 0.0, -0.04]], "camera-tilt", angle=10.0, direction=30.0)[0, :2]
+    expected = leaned(torch.tensor([[0.0, 0.0, -0.04]]), torch.tensor(10.0), torch.tensor(30.0))[0, :2].numpy()
+    np.testing.assert_allclose(below, expected, rtol=0.02)
+
+
+def test_plate_and_cloth_are_where_and_as_large_as_labels_say():
+    assert law("plate-radius")(scene(), {"error": 0.002}).plate_radius == pytest.approx(PLATE_RADIUS + 0.002)
+    assert law("cut-size")(scene(), {"error": 0.002}).radius == pytest.approx(CLOTH_RADIUS + 0.002)
+    for side, east in (("up", 1), ("down", -1)):  # of the laboratory, seen from the cloth
+        one = law("off-centre")(scene(side), {"shift": 0.01, "direction": 30.0})
+        assert np.rad2deg(np.arctan2(one.centre[1], east * one.centre[0])) == pytest.approx(30)
+        assert np.hypot(*one.centre) == pytest.approx(0.01, rel=0.5)
+        wind = law("draught")(scene(side), {"speed": 1.0, "direction": 0.0}).pressures[0]
+        assert (wind(np.array([[1.0, 0.0, 0.0]]))[0] > 0) == (side == "up")
+    heavier = law("density-bias")(scene(), {"bias": 0.2}).log_mass[0](np.zeros((1, 2)))
+    assert np.exp(heavier[0]) == pytest.approx(1.2, abs=0.06)
+    assert sum(law("grain-skew")(scene(), {"angle": 5.0}).skew) / 2 == pytest.approx(5)
+
+
+def test_labels_say_where_a_hem_is():
+    plan = Plan("case_0001", 1, "single", {"rim-stiffening": {"stiffening": 1.1, "width": 0.01}}, 2.0, "typical")
+    assert label_of(plan).content()["location"]["radius_m"] == pytest.approx([0.14, 0.15])

@@ -10,15 +10,18 @@ from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.diagnose import diagnose
-from cusick_bench.diagnosis.document.build import document
+from cusick_bench.diagnosis.diagnose import Diagnosis, diagnose
+from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
-from cusick_bench.diagnosis.measure.captures import read_captures
+from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.measure.features import features
+from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import Options
+from cusick_bench.diagnosis.simulation.closure import Closure
+from cusick_bench.diagnosis.simulation.samples import Simulated
 
 
 def scores(emulator: Emulator, specimens: np.ndarray, simulated: np.ndarray | None) -> np.ndarray:
@@ -100,14 +103,55 @@ def test_where_nothing_is_said_to_act_the_base_model_is_fitted_alone() -> None:
     assert abs(coverage) < 1.5  # any cloth can have it
 
 
-@pytest.mark.parametrize(("name", "stated"), [("rest-curvature", 176.0), ("plate-tilt", 356.0)])
-def test_a_direction_is_stated_within_the_turn_of_its_interval(emulator: Emulator, name: str, stated: float) -> None:
-    """A curvature has an axis but no sense; a fit of it may pass 0 deg."""
+@pytest.fixture(scope="module")
+def diagnosed(emulator: Emulator) -> tuple[Captures, Diagnosis]:
+    """Pictures of a fabric, and what was found from three samples of it, without simulations."""
     captures = read_captures(load("synthetic"), "fabric_1")
-    found = diagnose(captures.select(captures.sample <= 3), emulator, options=Options(samples=0))
+    return captures, diagnose(captures.select(captures.sample <= 3), emulator, options=Options(samples=0))
+
+
+@pytest.mark.parametrize(("name", "stated"), [("rest-curvature", 176.0), ("plate-tilt", 356.0)])
+def test_a_direction_is_stated_within_the_turn_of_its_interval(
+    emulator: Emulator, diagnosed: tuple[Captures, Diagnosis], name: str, stated: float
+) -> None:
+    """A curvature has an axis but no sense; a fit of it may pass 0 deg."""
+    captures, found = diagnosed
     hypothesis = next(one for one in hypotheses(emulator) if one.name == name)
     cause = Candidate(hypothesis, {hypothesis.effect.severity.name: 4.0, "direction": 356.0})
     turned = replace(found, best={name: cause}, acting={name: 1.0}, intervals={name: {"direction": (170.0, 185.0)}})
     made = document(turned, captures, emulator, command="", version="")
     (parameters,) = (one.parameters for one in made.causes if one.effect == name)
     assert parameters["direction"].value == stated
+
+
+def test_a_document_states_every_number_of_its_diagnosis_in_its_place(
+    emulator: Emulator, diagnosed: tuple[Captures, Diagnosis]
+) -> None:
+    captures, found = diagnosed
+    captures = captures.select((captures.side == "up") | (captures.sample == 1))
+    hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
+    cause, interval = Candidate(hypothesis, {"error": 0.03}), {"camera-scale": {"error": (0.01, 0.05)}}
+    gap = Gap(0.5, 0.1, {"size": 0.4}, {"size": 0.2}, 0.6, (0.3, 0.8), 0.25)
+    base, effect = (Simulated(np.zeros((1, 2, len(NAMES))), np.full((1, 2, 360), radius)) for radius in (0.1, 0.12))
+    full = replace(
+        found, causes=(cause,), best={"camera-scale": cause}, acting={"camera-scale": 0.9}, intervals=interval,
+        shared=("camera-scale",), simulated=Closure(gap, base, effect), p=0.03, verdict="effect",
+        effects=("camera-scale",), groups=(),
+        place=replace(found.place, localisable=True, angle=(10.0, 40.0), radius=(0.12, 0.15)),
+    )  # fmt: skip
+    made, answered = document(full, captures, emulator, command="", version=""), answer(full)
+    for one in (made.gap, answered.gap):
+        assert (one.base, one.floor, one.p) == (0.5, 0.1, 0.03)
+    assert made.gap.effect == 0.25
+    assert (made.gap.groups["size"].gap, made.gap.groups["size"].floor) == (0.4, 0.2)
+    assert (made.closure.effect, made.closure.fraction, made.closure.ci90) == (("camera-scale",), 0.6, (0.3, 0.8))
+    for profiles, radius in ((made.profiles.base, 0.1), (made.profiles.effect, 0.12)):
+        assert [(one.sample, one.side) for one in profiles] == [(1, "up"), (1, "down")]
+        assert {one for profile in profiles for one in profile.radii_m} == {radius}
+    (stated,) = (one for one in made.causes if one.effect == "camera-scale")
+    assert (stated.acting, stated.shared, stated.stage) == (0.9, True, "imaging")
+    assert (stated.parameters["error"].value, stated.parameters["error"].ci90) == (0.03, (0.01, 0.05))
+    assert (made.where.angle_deg, made.where.radius_m) == ((10.0, 40.0), (0.12, 0.15))
+    faces = [int((captures.side == side).sum()) for side in ("up", "down")]
+    assert faces[0] > faces[1] > 0
+    assert (made.data.up, made.data.down, made.data.captures) == (*faces, sum(faces))
