@@ -1,6 +1,5 @@
 """Refuses to compute from silhouettes that no cloth on the plate can show, before anything is simulated."""
 
-import shlex
 from collections.abc import Iterable, Sequence
 
 from cusick_bench.datasets.audit.limits import UNREADABLE, impossible_faults
@@ -10,6 +9,7 @@ from cusick_bench.datasets.files.layout import inside_root
 from cusick_bench.datasets.files.measure import measure_image
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.datasets.registry import is_shipped
+from cusick_bench.files.shell_word import shell_word
 
 _SHOWN = 3
 
@@ -73,7 +73,7 @@ def require_possible(dataset: DrapeDataset, rows: Iterable[int], *, force: bool 
             f"{pictures} of the silhouettes to be used show{'s' if pictures == 1 else ''} no cloth on its plate: "
             f"{listed(found)}",
             where=dataset.root,
-            remedy=f"look with `cusick-bench data audit {shlex.quote(str(dataset.root))}`, correct the pictures or "
+            remedy=f"look with `cusick-bench data audit {shell_word(dataset.root)}`, correct the pictures or "
             f"protocol.json{forcing}",
             kind=found[0].kind,
         )

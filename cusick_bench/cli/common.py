@@ -9,9 +9,7 @@ from __future__ import annotations
 import functools
 import logging
 import os
-import shlex
 import signal
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
@@ -23,6 +21,7 @@ from rich.text import Text
 
 from cusick_bench.cli.screen import Screen, harmless
 from cusick_bench.files.json_text import json_text
+from cusick_bench.files.shell_word import shell_word
 from cusick_bench.sim.errors import CusickError, failure_text, stop_behind
 
 if TYPE_CHECKING:
@@ -100,9 +99,7 @@ def command_with(*words: object) -> str:
     Returns:
         The line.
     """
-    line = ["cusick-bench", *map(str, words)]
-    # cmd.exe takes single quotes for part of a name, and `shlex` writes them about every backslash.
-    return subprocess.list2cmdline(line) if sys.platform == "win32" else shlex.join(line)
+    return " ".join(map(shell_word, ("cusick-bench", *words)))
 
 
 @contextmanager

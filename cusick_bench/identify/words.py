@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
@@ -14,6 +13,7 @@ from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.datasets.registry import registered_in
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import LEAST_SAMPLES
+from cusick_bench.files.shell_word import shell_word
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
@@ -114,7 +114,7 @@ def _fit_advice(dataset: DrapeDataset, own: pd.DataFrame, fabric: str, fit_missi
     if fit_missing.startswith(FAILED):
         return [
             "Repeat the command with another --seed or more --vertices, by which all fabrics are fitted again; with "
-            f"--cloth {shlex.quote(fabric)} and an --out of its own, this one alone."
+            f"--cloth {shell_word(fabric)} and an --out of its own, this one alone."
         ]
     if NO_PHYSICS in fit_missing:
         return ["Repeat the command with a solver that simulates drapes, such as --solver bdp-field."]
@@ -177,7 +177,7 @@ def fabric_next(
             "not sure enough (see the list under The laboratory, and the pictures in data/check)."
         )
     if drapes.unusable:
-        place = shlex.quote(str(dataset.root))
+        place = shell_word(dataset.root)
         todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {place}")
     todo += _fit_advice(dataset, own, fabric, fit_missing) + _sample_advice(dataset, own) + _face_advice(own)
     if diagnosis is not None:

@@ -157,7 +157,8 @@ def test_of_controls(asked, tmp_path: Path):
     assert (caught.named["names"], caught.named["workers"]) == (["shift"], 3)
 
 
-def test_of_withheld_answers(asked, tmp_path: Path):
+def test_of_withheld_answers(asked, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.chdir(tmp_path)  # where the command tries whether it can write
     (tmp_path / "case").mkdir()
     words = f"withheld answer {tmp_path} --samples 5 --without-effect creep --seed 7 --workers 3 --out a.json"
     caught = asked("withheld.answers.blind.answer_suite", words)

@@ -2,6 +2,7 @@
 
 import shlex
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,7 +123,7 @@ def test_named_sets_are_as_many_fabrics_as_their_names(named_sets):
     assert other_fabrics()
 
 
-def test_commands_in_advice_can_be_pasted(named_sets):
+def test_commands_in_advice_can_be_pasted(named_sets, monkeypatch):
     spaced = named_sets / "my lab"
     spaced.mkdir()
     (named_sets / "bnn_image_gt").rename(spaced / "bnn_image_gt")
@@ -130,3 +131,8 @@ def test_commands_in_advice_can_be_pasted(named_sets):
     look, again, *_ = fabric_next(load(spaced), "wool red", drapes, "the fit failed: x", None, 0)
     assert shlex.split(look)[-4:] == ["cusick-bench", "data", "audit", str(spaced)]
     assert "--cloth 'wool red' and" in again
+    dataset = load(spaced)
+    monkeypatch.setattr(sys, "platform", "win32")
+    look, again, *_ = fabric_next(dataset, "wool red", drapes, "the fit failed: x", None, 0)
+    assert look.endswith(f'cusick-bench data audit "{spaced}"')
+    assert '--cloth "wool red" and' in again

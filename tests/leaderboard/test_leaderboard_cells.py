@@ -1,6 +1,8 @@
 """Cells that a leaderboard leaves out, with a note that says why, and folders without any."""
 
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
@@ -129,6 +131,15 @@ def test_a_cell_without_a_name_is_no_row(tmp_path, name, field):
     assert f"{field} must be a name" in cells.skipped[0].reason
     with pytest.raises(LeaderboardError, match=rf"result\.json: {field} must be a name"):
         cells.require_sound()
+
+
+def test_the_command_that_fills_an_empty_folder_can_be_typed_on_windows(tmp_path, monkeypatch):
+    """Single quotes, which every path there would have had, are part of a name in cmd.exe."""
+    folder = tmp_path / r"my runs\lab"
+    folder.mkdir()
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(LeaderboardError, match=re.escape(f'`cusick-bench run --out "{folder}"`')):
+        load_cells(folder)
 
 
 def test_reading_of_many_cells_tells_how_far_it_is(tmp_path):

@@ -350,6 +350,16 @@ class TestCommand:
         assert "interrupted: 1 cell of 4" in " ".join(result.stderr.split())
         assert set(json.loads((copy / "verified.json").read_text())) == {first.name}
 
+    def test_an_interruption_in_the_first_cell_writes_nothing(self, copy, data, monkeypatch):
+        def interrupted(*given, **options):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(verify, "verify_cell", interrupted)
+        result = CliRunner().invoke(app, ["verify", str(copy), "--data", str(data)])
+        assert result.exit_code == 130
+        assert "interrupted: no cell of 4 was looked at to its end, and nothing was written" in result.stderr
+        assert not (copy / "verified.json").exists()
+
     def test_unknown_solver_is_said(self, finished):
         result = CliRunner().invoke(app, ["verify", str(finished), "--solver", "nobody"])
         assert result.exit_code == 2

@@ -145,6 +145,16 @@ class TestFiles:
         assert "1 refusals without a label are not scored: checks." in both.notes
         assert len(score(both).cases) == 1
 
+    def test_a_refused_case_whose_label_is_lost_is_not_left_out(self, tmp_path):
+        """It was sealed, so that it is one of the cases: without it a suite would be scored by the easier ones."""
+        labels = {case: sealed(label("none"), case) for case in "ab"}
+        seals = {case: one["sha256"] for case, one in labels.items()}
+        answers, path = {"a": answer("none"), "b": answer("refused")}, tmp_path / "commitment.json"
+        path.write_text(json.dumps(seals))
+        for document, commitment in ((answers, path), ({"seals": seals, "answers": answers}, None)):
+            with pytest.raises(WithheldError, match=r"labels\.json lacks 1: b"):
+                revealed(tmp_path, {"a": labels["a"]}, document, commitment)
+
     def test_seals_stand_in_the_first_object_that_holds_any(self, tmp_path):
         facts = {"made_by": {"program": "another"}, "files": {"a": {"1.png": "0" * 64}, "b": "1" * 64}}
         path = tmp_path / "commitment.json"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections import defaultdict
 from math import isfinite
 from pathlib import Path
@@ -21,6 +20,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets.irregularity import KINDS
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.datasets.registry import registered_in
+from cusick_bench.files.shell_word import shell_word
 
 if TYPE_CHECKING:
     from cusick_bench.datasets.audit.audit import Audit
@@ -207,7 +207,7 @@ def stats_command(
         tell(
             f"{pictures} of the silhouettes show{'s' if pictures == 1 else ''} no cloth on its plate, so that these "
             f"numbers mean nothing for them: {fault.path}: {fault.detail} ({fault.kind}); look with `cusick-bench data "
-            f"audit {shlex.quote(str(dataset.root))}`, and correct the pictures or protocol.json"
+            f"audit {shell_word(dataset.root)}`, and correct the pictures or protocol.json"
         )
 
 

@@ -1,6 +1,5 @@
 """`cusick-bench export benchopt`: the benchmark in the form of benchopt."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 from cusick_bench.cli.common import command_line, print_json, tell, user_errors
 from cusick_bench.cli.options import LAW, Data, Json, Law, Solvers, Steps, VerticesByLaw, fit_option, vertices_by_law
 from cusick_bench.cli.written_paths import outside_package
+from cusick_bench.files.shell_word import shell_word
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
@@ -43,6 +43,6 @@ def benchopt(
     )
     files = write_benchmark(folder, solvers=solver or SOLVERS, data=data, settings=settings, command=command_line())
     tell(f"wrote {len(files)} files to {folder}")
-    tell(f"next: benchopt test {shlex.quote(str(folder))}")
+    tell(f"next: benchopt test {shell_word(folder)}")
     if json:
         print_json({"path": folder, "files": files})

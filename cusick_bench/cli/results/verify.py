@@ -87,7 +87,8 @@ def verify_command(
                 bar.begin(f"{name} on {where}")
                 verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))
         finally:
-            keep(run, verifications)
+            if verifications:
+                keep(run, verifications)
     wrong = _altered(committed, cells) if committed else {}
     _show(run, verifications, wrong, as_json)
     if wrong or any(verification.status in ("differs", "unreadable") for verification in verifications):
@@ -96,6 +97,8 @@ def verify_command(
 
 def _kept(done: int, every: int, path: Path) -> str:
     """What an interruption leaves behind, in words."""
+    if not done:
+        return f"no cell of {every} was looked at to its end, and nothing was written"
     cells = f"{done} cell{'s' * (done != 1)} of {every}"
     return f"{cells} were looked at, and {path} says what was found; --solver and --cloth choose the others"
 

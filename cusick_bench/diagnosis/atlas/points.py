@@ -1,7 +1,6 @@
 """Points of an atlas: one file for the drapes of one fabric with one effect, and all of them read together."""
 
 import os
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,6 +13,7 @@ from cusick_bench.diagnosis.atlas.design import Design, at_fine
 from cusick_bench.diagnosis.atlas.observation import ANGLES, statistics_of
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.files import BadFile, read_json_object, read_npz
+from cusick_bench.files.shell_word import shell_word
 from cusick_bench.runner.numerics import drape_numerics, raised_versions
 from cusick_bench.sim.effects import registered
 
@@ -173,7 +173,7 @@ def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
     """
     path = folder / DESIGN_FILE
     if not path.exists():
-        command = f"cusick-bench atlas build --out {shlex.quote(str(folder))}"
+        command = f"cusick-bench atlas build --out {shell_word(folder)}"
         raise DiagnosisError(f"no atlas in {folder}; make one with `{command}`")
     design = read_design(path)
     parameters = {name: len(effect.parameters) for name, effect in registered().items()}

@@ -2,7 +2,6 @@
 
 import json
 import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -12,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.shell_word import shell_word
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
 from cusick_bench.leaderboard.cells.commands import cells_of_grid
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
@@ -139,7 +139,7 @@ def load_cells(
         else:
             rows.append(outcome)
     if not rows and not skipped:
-        command = f"cusick-bench run --out {shlex.quote(str(folder))}"
+        command = f"cusick-bench run --out {shell_word(folder)}"
         raise LeaderboardError(f"{folder} holds no cells; fill it with `{command}`")
     if not rows:
         reasons = "\n".join(f"  {cell.solver or '?'} on {cell.cloth or '?'}: {cell.reason}" for cell in skipped[:5])

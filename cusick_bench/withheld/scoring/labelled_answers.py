@@ -51,13 +51,15 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
         Answers and labels of the same cases.
 
     Raises:
-        WithheldError: A file that cannot be read, a case in one file only (but a refused one without a label, which
-            is left out), labels of another suite than the answered cases, a label that is not the sealed one, or
+        WithheldError: A file that cannot be read, a case in one file only (but a refused one without label and seal,
+            which is left out), labels of another suite than the answered cases, a label that is not the sealed one, or
             answers to other files than the sealed ones.
     """
     answered, labelled = read_answers(answers), read_label_documents(labels)
     truth = labels_to_answer(answered, {case: truth_of(label) for case, label in labelled.items()})
-    unlabelled = sorted(case for case in answered.answers.keys() - truth.keys() if not _says_anything(answered, case))
+    sealed = answered.seals.keys() | ({} if commitment is None else published_seals(commitment)).keys()
+    others = answered.answers.keys() - labelled.keys() - sealed  # no cases, unless an answer says more of them
+    unlabelled = sorted(case for case in others if not _says_anything(answered, case))
     said = {case: one for case, one in answered.answers.items() if case not in unlabelled}
     _require_same_cases(set(said), set(truth), answers, labels)
     carried = {case: label.sha256 for case, label in labelled.items()}
