@@ -115,9 +115,16 @@ def profile_from_image(
         The profile; 0 where a ray meets no cloth.
 
     Raises:
-        DataError: No single image, or levels beyond [0, 1].
+        DataError: No single image, levels beyond [0, 1], or a scale, centre, direction or number of rays that is none.
     """
     pixels = _as_array(image)
+    _check_scale(pixels_per_metre)
+    if image_y not in ("up", "down"):
+        raise DataError(f"image_y must be up or down, got {image_y!r}", remedy="say where y points in the image")
+    if not np.isfinite(centre).all():
+        raise DataError(f"centre must be a finite column and row, got {centre}", remedy="give the plate's axis in px")
+    if angles < 1:
+        raise DataError(f"a profile needs at least 1 ray, got {angles}", remedy=f"{PROFILE_ANGLES} are usual")
     padded = np.pad(pixels, 2)
     step_column, step_row = _directions(angles, image_y)
 
@@ -196,8 +203,12 @@ def drape_coefficient(
         0 for a cloth that hangs vertically, 1 for one that stays flat.
 
     Raises:
-        DataError: No single image, or levels beyond [0, 1].
+        DataError: No single image, levels beyond [0, 1], no scale > 0, or radii out of order.
     """
+    _check_scale(pixels_per_metre)
+    if not 0 <= plate_radius < cloth_radius < np.inf:
+        what = f"radii must satisfy 0 <= plate < cloth, got plate {plate_radius} m and cloth {cloth_radius} m"
+        raise DataError(what, remedy="give radii, not diameters, in metres")
     area = float(_as_array(image).sum()) / pixels_per_metre**2
     return (area - np.pi * plate_radius**2) / (np.pi * (cloth_radius**2 - plate_radius**2))
 
@@ -212,7 +223,12 @@ def fold_count(profile: Profile, *, prominence: float = FOLD_PROMINENCE, harmoni
 
     Returns:
         Number of folds.
+
+    Raises:
+        DataError: No radii, or radii that are not finite.
     """
+    if not (len(profile.radii) and np.isfinite(profile.radii).all()):
+        raise DataError("a profile must have finite radii to count its folds", remedy="check the silhouette behind it")
     return ring_folds(profile.radii, prominence=prominence, harmonics=harmonics)
 
 
@@ -230,6 +246,12 @@ def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Floa
     harmonics = np.abs(np.fft.rfft(profile.radii)) / count
     harmonics[1 : (count + 1) // 2] *= 2  # the others stand once in the transform: the mean, and order count / 2
     return harmonics[: modes + 1]
+
+
+def _check_scale(pixels_per_metre: float) -> None:
+    if not 0 < pixels_per_metre < np.inf:
+        what = f"pixels_per_metre must be > 0 and finite, got {pixels_per_metre}"
+        raise DataError(what, remedy="give the scale in the plane of the plate")
 
 
 def _as_array(image: ndarray | torch.Tensor) -> Float[ndarray, "height width"]:

@@ -229,7 +229,7 @@ class DrapeSimulator:
         material: Material,
         *,
         initial: Float[Tensor, "vertices 3"] | Float[ndarray, "vertices 3"] | None = None,
-        rest_angle: Float[Tensor, "hinges"] | None = None,
+        rest_angle: Float[Tensor, "hinges"] | Float[ndarray, "hinges"] | None = None,
         warm: Drape | None = None,
     ) -> Drape:
         """Simulates one drape.
@@ -248,12 +248,12 @@ class DrapeSimulator:
             SimulationError: Parameters of another mesh or not finite.
             DrapeDiverged: The cloth did not come to rest (mode `equilibrium`), or blew up.
         """
-        laid = None if initial is None else torch.as_tensor(initial)
-        self._check_arrays(initial=laid, rest_angle=rest_angle, warm=None if warm is None else warm.vertices)
+        laid, angle = _tensor(initial), _tensor(rest_angle)
+        self._check_arrays(initial=laid, rest_angle=angle, warm=None if warm is None else warm.vertices)
         batch = self.drape_batch(
             [material],
             initial=None if laid is None else laid[None],
-            rest_angle=None if rest_angle is None else rest_angle[None],
+            rest_angle=None if angle is None else angle[None],
             warm=None if warm is None else warm.vertices[None],
         )
         drape = batch.member(0)
@@ -265,9 +265,9 @@ class DrapeSimulator:
         self,
         materials: Sequence[Material],
         *,
-        initial: Float[Tensor, "members vertices 3"] | None = None,
-        rest_angle: Float[Tensor, "members hinges"] | None = None,
-        warm: Float[Tensor, "members vertices 3"] | None = None,
+        initial: Float[Tensor, "members vertices 3"] | Float[ndarray, "members vertices 3"] | None = None,
+        rest_angle: Float[Tensor, "members hinges"] | Float[ndarray, "members hinges"] | None = None,
+        warm: Float[Tensor, "members vertices 3"] | Float[ndarray, "members vertices 3"] | None = None,
     ) -> DrapeBatch:
         """Simulates drapes of several cloths, faster than one by one.
 
@@ -291,6 +291,7 @@ class DrapeSimulator:
         materials = [self.as_draped(material) for material in materials]
         if warm is not None and self.settings.mode == "drop":
             raise SimulationError("a drop starts from the laid-down cloth; warm starts are for mode 'equilibrium'")
+        initial, rest_angle, warm = _tensor(initial), _tensor(rest_angle), _tensor(warm)
         laid = torch.from_numpy(self.laid_down()).expand(members, -1, -1) if initial is None else initial
         angle = self.rest_angles().expand(members, -1) if rest_angle is None else rest_angle
         self._check_arrays(members, initial=laid, rest_angle=angle, warm=warm)
@@ -340,6 +341,11 @@ class DrapeSimulator:
                 continue
             found = f"shape {tuple(value.shape)}" if tuple(value.shape) != shape else "NaN or infinity"
             raise SimulationError(f"{name} must be finite with shape {shape}, got {found}")
+
+
+def _tensor(values: Tensor | ndarray | None) -> Tensor | None:
+    """What was given as a tensor; an array, such as `laid_down` returns, is copied."""
+    return values if values is None or isinstance(values, Tensor) else torch.from_numpy(np.array(values, np.float64))
 
 
 def _array(tensor: Tensor) -> ndarray:

@@ -49,7 +49,7 @@ class Prediction:
 
     Attributes:
         train_image: Its fit of the training silhouette.
-        draws: Silhouettes it offers for samples it has not seen.
+        draws: Silhouettes it offers for samples it has not seen; a list of images or a tensor is kept as an array.
         tau: Fitted parameters.
         vertices: Drape behind `train_image` [m].
         faces: Triangles of `vertices` and `draw_vertices`.
@@ -76,6 +76,8 @@ class Prediction:
     posterior: dict[str, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("train_image", "draws"):
+            object.__setattr__(self, name, _images(name, getattr(self, name)))
         size = np.shape(self.train_image)
         if len(size) != 2 or size[0] != size[1]:
             raise SolverError(f"train_image must be a square image, got {size}")
@@ -108,6 +110,16 @@ class Prediction:
                 raise SolverError(f"{name} must hold floats in [0, 1] (cloth = 1), got {np.asarray(image).dtype}")
             if not (np.isfinite(image).all() and image.min() >= -1e-9 and image.max() <= 1 + 1e-9):
                 raise SolverError(f"{name} must lie in [0, 1] (cloth = 1), got {image.min()} .. {image.max()}")
+
+
+def _images(name: str, given: Any) -> np.ndarray:
+    """Images of an answer as one array: of a list of images, or of a tensor."""
+    if isinstance(given, np.ndarray):
+        return given
+    try:
+        return given.detach().cpu().numpy() if hasattr(given, "detach") else np.asarray(given)
+    except (ValueError, RuntimeError) as error:  # of several sizes, or tensors that carry gradients
+        raise SolverError(f"{name} must be one array of images ({error}); give images of one size") from error
 
 
 KINDS = ("solver", "null", "oracle")

@@ -140,11 +140,13 @@ def expected_best(values: Matrix, count: int) -> float:
         The mean, in the unit of the values.
 
     Raises:
-        MetricError: `count` is not within 1 .. N.
+        MetricError: `count` is not within 1 .. N, or a distance is NaN.
     """
     draws = len(values)
     if not 1 <= count <= draws:
         raise MetricError(f"best of {count} needs 1 to {draws} draws; make the solver offer more draws")
+    if np.isnan(values).any():  # sorted behind the largest, it would count as a bad draw, or not at all
+        raise MetricError("a distance of a draw from a sample is NaN; leave out draws that have none")
     rank = np.arange(1, draws - count + 2)
     log_weight = _log_binomial(draws - rank, count - 1) - _log_binomial(np.array(draws), count)
     return float((np.exp(log_weight) @ np.sort(values, axis=0)[: len(rank)]).mean())

@@ -26,13 +26,14 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.constants import Law
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -95,6 +96,9 @@ def element_weights(mesh: Mesh, plate_radius: float) -> ElementWeights:
 
     Returns:
         Weights that add up to 1 in each direction.
+
+    Raises:
+        ValueError: Nothing overhangs.
     """
     from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
     from cusick_bench.sim.engine.triangles.elements import elements_of
@@ -105,6 +109,10 @@ def element_weights(mesh: Mesh, plate_radius: float) -> ElementWeights:
     rows = np.stack([np.where(low == row, 1 - fraction, np.where(low + 1 == row, fraction, 0)) for row in range(3)])
     hinges = rows[list(BENDING_ROWS.values())] * area * _overhangs(hinge_centres(mesh), plate_radius)
     faces = elements.face_area * _overhangs(face_centres(mesh), plate_radius)
+    if not (faces.any() and hinges.any(1).all()):
+        raise ValueError(
+            f"cloth must reach beyond a plate of {plate_radius:g} m; give the radius of the plate in metres"
+        )
     return ElementWeights(hinges / hinges.sum(1, keepdims=True), faces / faces.sum())
 
 
@@ -128,11 +136,13 @@ def cloth_stiffness(
         One number for each direction, and its spread between elements.
 
     Raises:
-        ValueError: The tables are per element, and no weights are given.
+        ValueError: The tables are per element, and no weights are given; or an unknown law.
     """
     from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR
     from cusick_bench.sim.laws.plate import bias_stiffness
 
+    if law not in get_args(Law):
+        raise ValueError(f"law must be one of {', '.join(get_args(Law))}, got {law!r}")
     if weights is None and (stretch.ndim > 2 or bending.ndim > 2):
         raise ValueError("tables per element need the weights of the elements; see `element_weights`")
     factor = PUBLISHED_BENDING_FACTOR if law == "published" else 1.0

@@ -29,6 +29,7 @@ from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.metering.bookkeeping import Simulated, digest_of, metered
 from cusick_bench.problem.metering.budget import Meter
 from cusick_bench.problem.metering.journal import Checkpoint, Entry, Journal
+from cusick_bench.problem.priors import BENDING_TABLE_FACTOR
 from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
@@ -81,6 +82,10 @@ class DrapeProblem:
             faces; the loss knows nothing of them either.
         train_mesh: The training drape in three dimensions, where its shape is known and the solver asks for it.
         scene: What the base model leaves out, if anything; the simulator is that of its mesh and settings.
+
+    Raises:
+        ProblemError: An unknown loss, training images of another size or range, or a simulator whose plate, gravity or
+            law is not that of protocol, space and prior.
     """
 
     train_image: Float[np.ndarray, "size size"]
@@ -119,6 +124,29 @@ class DrapeProblem:
                     f"a training image must hold floats in [0, 1] (cloth = 1), got {image.dtype} from {image.min():g} "
                     f"to {image.max():g}; divide bytes by 255"
                 )
+        self._check_simulator()
+
+    def _check_simulator(self) -> None:
+        """Refuses a simulator of another experiment, whose drapes would give wrong stiffness without a word."""
+        s, space, nominal = self.simulator.settings, self.space, self.protocol
+        given = [("the space", "plate_radius", s.plate_radius, space.plate_radius, "m")]
+        if self.scene is None:  # a cause may change it
+            given += [
+                ("the protocol", "plate_radius", s.plate_radius, nominal.plate_radius_m, "m"),
+                ("the protocol", "gravity", s.gravity, nominal.gravity_m_s2, "m/s2"),
+            ]
+        for whose, name, used, asked, unit in given:
+            if not math.isclose(used, asked):
+                raise ProblemError(
+                    f"{name} of the simulator must be that of {whose}, got {used:g} and {asked:g} {unit}; give both "
+                    f"those of the data, as in DrapeSettings({name}=...)"
+                )
+        law = space.prior.law
+        if BENDING_TABLE_FACTOR[law] != BENDING_TABLE_FACTOR[s.law]:
+            raise ProblemError(
+                f"the prior's bending tables must be for the simulator's law, got {law!r} and {s.law!r}, which read "
+                f"them differently; give StiffnessPrior({s.law!r}, ...)"
+            )
 
     @property
     def train_images(self) -> tuple[Float[np.ndarray, "size size"], ...]:

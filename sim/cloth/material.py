@@ -28,7 +28,7 @@ BENDING_SHAPE = (3, 5)
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A cloth.
+    """A cloth; arrays of numpy are copied, tensors are kept with their gradients.
 
     Attributes:
         stretch: C, shared (6, 4) or per face [N/m].
@@ -47,7 +47,8 @@ class Material:
 
     def __post_init__(self) -> None:
         for name, shape, unit in (("stretch", (6, 4), "N/m"), ("bending", (3, 5), "N m"), ("density", (), "kg/m2")):
-            value = torch.as_tensor(getattr(self, name), dtype=torch.float64)
+            given = getattr(self, name)
+            value = torch.as_tensor(given.copy() if isinstance(given, np.ndarray) else given, dtype=torch.float64)
             object.__setattr__(self, name, value)
             if value.shape[value.ndim - len(shape) :] != shape or value.ndim > len(shape) + 1:
                 raise SimulationError(

@@ -54,9 +54,9 @@ class Mesh:
         """Number of vertices."""
         return len(self.material)
 
-    @cached_property
+    @property
     def flat(self) -> Float[ndarray, "vertices 3"]:
-        """The cloth laid flat: material coordinates with z = 0 [m]."""
+        """The cloth laid flat: material coordinates with z = 0 [m]; an array of its own each time."""
         return np.column_stack([self.material, np.zeros(self.vertices)])
 
     @cached_property

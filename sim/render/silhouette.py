@@ -4,6 +4,7 @@ The Cusick plate lies under the cloth, so the cloth alone makes the silhouette.
 """
 
 from collections.abc import Callable
+from numbers import Integral
 from typing import Any, Literal
 
 import numpy as np
@@ -68,7 +69,7 @@ def _checked_faces(faces: ndarray | Tensor, vertices: int) -> Int[ndarray, "face
 
 
 def render(
-    vertices: Float[Tensor, "*batch vertices 3"],
+    vertices: Float[Tensor, "*batch vertices 3"] | Float[ndarray, "*batch vertices 3"],
     faces: Int[ndarray, "faces 3"] | Int[Tensor, "faces 3"],
     camera: Camera,
     *,
@@ -78,7 +79,7 @@ def render(
     """Draws the silhouette of a cloth, differentiably to its vertices.
 
     Args:
-        vertices: Positions [m].
+        vertices: Positions [m]; an array, such as a mesh from a file has, is drawn without gradients.
         faces: Vertex indices of the triangles, shared by the whole batch.
         camera: Where the cloth is seen from; its pixel coordinates start at the image's upper left pixel.
         method: `coverage`, the exact covered area of every pixel with its exact gradient (see `coverage`), or `soft`,
@@ -93,8 +94,10 @@ def render(
     """
     if method not in _METHODS:
         raise SimulationError(f"method must be one of {', '.join(_METHODS)}, got {method!r}")
-    if size < 1:
-        raise SimulationError(f"an image needs at least one pixel a side, got size {size}")
+    if not isinstance(size, Integral) or size < 1:
+        raise SimulationError(f"an image needs a whole number of pixels a side, at least one, got size {size}")
+    if not isinstance(vertices, Tensor):
+        vertices = torch.from_numpy(np.array(vertices, dtype=np.float64))
     if vertices.ndim < 2 or vertices.shape[-1] != 3:
         raise SimulationError(f"vertices must have shape (..., vertices, 3), got {tuple(vertices.shape)}")
     triangles = _checked_faces(faces, vertices.shape[-2])

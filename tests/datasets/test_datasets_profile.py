@@ -138,6 +138,26 @@ def test_drape_coefficient_of_discs():
     assert drape_coefficient(draw(disc(0.12)), cloth_radius=0.12) == pytest.approx(1.0, abs=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("measure", "message"),
+    [
+        (lambda image: profile_from_image(image, image_y="Up"), "image_y must be up or down, got 'Up'"),
+        (lambda image: profile_from_image(image, pixels_per_metre=-723.0), "pixels_per_metre must be > 0"),
+        (lambda image: profile_from_image(image, centre=(np.nan, 127.5)), "centre must be a finite column and row"),
+        (lambda image: profile_from_image(image, angles=0), "at least 1 ray, got 0"),
+        (lambda image: drape_coefficient(image, cloth_radius=0.09, plate_radius=0.15), "0 <= plate < cloth"),
+        (lambda image: drape_coefficient(image, cloth_radius=0.09), r"got plate 0\.09 m and cloth 0\.09 m"),
+        (lambda image: drape_coefficient(image, pixels_per_metre=0), "pixels_per_metre must be > 0"),
+        (lambda image: fold_count(Profile(profile_from_image(image).radii * np.nan)), "finite radii"),
+        (lambda image: fold_count(Profile(np.zeros(0))), "finite radii"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_and_not_measured_with(measure, message):
+    """`Up` was read as down, and a plate wider than its cloth gave a drape coefficient between 0 and 1."""
+    with pytest.raises(DataError, match=message):
+        measure(draw(disc(0.12)))
+
+
 @pytest.mark.parametrize("folds", [2, 5, 8, 13])
 def test_folds_are_counted_whatever_their_phase(folds):
     angles = disc(0.12).angles

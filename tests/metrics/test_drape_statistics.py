@@ -226,3 +226,14 @@ def test_variability_rows_are_read_side_by_side():
     assert one["pair_mse"] == pytest.approx(other["pair_mse"], rel=0.01)
     with pytest.raises(MetricError, match="3 drapes or more, got 2"):
         variability(images[:2])
+
+
+def test_statistics_that_are_not_finite_are_no_ones_drapes():
+    """All drapes of the second cloth were taken for the first one's."""
+    values = np.array([[0.0, 0.1], [0.2, 0.0], [5.0, 5.1], [5.2, 5.0]])
+    damaged = values.copy()
+    damaged[2, 1] = np.nan
+    judge, _ = learn(values, list("aabb"), [1, 2, 1, 2])
+    for call in (lambda: learn(damaged, list("aabb"), [1, 2, 1, 2]), lambda: judge.assign(damaged)):
+        with pytest.raises(MetricError, match="must be finite, got nan in row 2, column 1"):
+            call()

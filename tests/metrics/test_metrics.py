@@ -197,6 +197,13 @@ def test_damaged_surfaces_are_refused():
         hausdorff(good, good, tolerance=0.0)
 
 
+def test_a_tolerance_below_rounding_comes_to_an_end():
+    """Bisection went on for ever, until it wrote beyond its stack and ended the process."""
+    first, second = ruled_surface(drape()[::20]), ruled_surface(drape(phase=0.4)[::20])
+    finest = hausdorff(first, second, tolerance=1e-300)
+    assert finest == pytest.approx(hausdorff(first, second, tolerance=1e-9), abs=1e-9)
+
+
 def test_ruled_surface_has_straight_generators_of_the_slant_length():
     radii = drape()
     mesh = ruled_surface(radii)
@@ -269,3 +276,8 @@ def test_expected_best_is_the_mean_over_all_subsets():
         assert expected_best(values, count) == pytest.approx(np.mean(subsets))
     with pytest.raises(MetricError, match="draws"):
         expected_best(values, 7)
+
+
+def test_a_best_of_distances_that_are_not_known_is_refused():
+    with pytest.raises(MetricError, match="is NaN"):
+        expected_best(np.array([[1.0], [np.nan], [3.0]]), 2)

@@ -297,3 +297,12 @@ def test_results_without_stiffness_read_as_none():
 def test_a_malformed_document_is_refused(document, change):
     with pytest.raises(ValueError, match=r"stiffness|stretch|truth_ratio"):
         read_stiffness(document | change)
+
+
+def test_an_unknown_law_and_a_plate_as_wide_as_the_cloth_are_refused():
+    """`Published` gave four times the stiffness of `published`, and a plate in millimetres stiffness that is NaN."""
+    cloth = uniform_material(density=0.2, bending=1e-5)
+    with pytest.raises(ValueError, match="law must be one of plate, paper, published, got 'Published'"):
+        cloth_stiffness(cloth.stretch, cloth.bending, "Published")
+    with pytest.raises(ValueError, match="beyond a plate of 90 m; give the radius of the plate in metres"):
+        element_weights(disc_mesh(100), 90.0)

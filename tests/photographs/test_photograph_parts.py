@@ -452,6 +452,12 @@ def test_a_silhouette_shows_the_outline_it_was_drawn_from(size: int):
     assert image.sum() / protocol.px_per_m**2 == pytest.approx(area, rel=1e-4)
 
 
+def test_figures_of_no_photographs_are_none():
+    nothing = accuracy([])
+    assert (nothing.photographs, nothing.level, nothing.wrong) == (0, 0, 0)
+    assert np.isnan([nothing.within, nothing.median_mm, nothing.most_mm, nothing.accepted, nothing.recognised]).all()
+
+
 @pytest.mark.slow
 def test_outlines_of_photographs_are_as_near_as_the_docs_say():
     found = accuracy(list(measure(60, 5000)))

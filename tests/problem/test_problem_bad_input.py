@@ -9,6 +9,7 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem import (
     Budget,
     DrapeProblem,
@@ -17,6 +18,7 @@ from cusick_bench.problem import (
 )
 from cusick_bench.problem.cloth_prior import amplitude_entry
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import DrapeDiverged
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -142,6 +144,27 @@ def test_unknown_loss_and_odd_image():
         DrapeProblem(problem.train_image, problem.simulator, problem.space, loss="l1")
     with pytest.raises(ProblemError, match="256 x 256"):
         DrapeProblem(np.zeros((64, 64)), problem.simulator, problem.space)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"plate_radius": 0.08}, "plate_radius of the simulator must be that of the space, got 0.08 and 0.09 m"),
+        ({"gravity": 9.7}, r"gravity of the simulator must be that of the protocol, got 9\.7 and 9\.8"),
+        ({"law": "published"}, r"got 'paper' and 'published', which read .*; give StiffnessPrior\('published'"),
+    ],
+)
+def test_a_simulator_of_another_experiment_is_refused(changes, message):
+    """A prior of law `paper` with a simulator of law `published` found four times the stiffness without a word."""
+    problem = toy_problem()
+    other = DrapeSimulator(problem.simulator.mesh, replace(problem.simulator.settings, **changes))
+    with pytest.raises(ProblemError, match=message):
+        replace(problem, simulator=other)
+
+
+def test_a_protocol_with_another_plate_is_refused():
+    with pytest.raises(ProblemError, match=r"of the protocol, got 0\.09 and 0\.06 m; give both those of the data"):
+        replace(toy_problem(), protocol=replace(RELEASE, plate_radius_m=0.06))
 
 
 @pytest.mark.unchecked_arrays

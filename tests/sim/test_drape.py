@@ -266,6 +266,24 @@ def test_the_shape_of_another_laying_is_taken_as_it_is_given():
     assert not torch.equal(drapes[0], simulator.drape(_material()).vertices)
 
 
+def test_an_array_that_is_filled_again_changes_no_earlier_cloth():
+    """Every cloth of a loop over one array had the stiffness of the last."""
+    table = np.full((3, 5), 1e-5)
+    cloth = Material(torch.ones(6, 4, dtype=torch.float64), table, 0.2)  # pyright: ignore[reportArgumentType]
+    table *= 10
+    assert (cloth.bending == 1e-5).all()
+
+
+def test_arrays_are_shapes_of_a_batch_as_tensors_are():
+    simulator = DrapeSimulator(MESH, DrapeSettings(steps=2))
+    laid, angles = np.stack([simulator.laid_down(seed) for seed in (1, 2)]), simulator.rest_angles(3).expand(2, -1)
+    cloths = [_material(), _material()]
+    given = simulator.drape_batch(cloths, initial=torch.from_numpy(laid), rest_angle=angles)
+    assert torch.equal(simulator.drape_batch(cloths, initial=laid, rest_angle=angles.numpy()).vertices, given.vertices)
+    alone = simulator.drape(_material(), initial=laid[0], rest_angle=angles[0].numpy())
+    assert torch.allclose(alone.vertices, given.vertices[0], atol=1e-9)
+
+
 def test_a_drape_that_does_not_come_to_rest_says_so_and_what_to_do():
     simulator = DrapeSimulator(MESH, DrapeSettings(mode="equilibrium", steps=1, iterations=2))
     with pytest.raises(DrapeDiverged, match=r"after 2 Newton steps \(tolerance 1e-09\); raise `iterations`"):

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+import torch
 from solver_answers import answer_of, posed
 from threadpoolctl import threadpool_info, threadpool_limits
 from toy_problem import toy_problem
@@ -203,6 +204,16 @@ class TestPrediction:
     def test_nonsense_is_refused(self, train, draws, message):
         with pytest.raises(SolverError, match=message):
             Prediction(train, draws)
+
+    @pytest.mark.unchecked_arrays
+    def test_a_list_of_images_and_tensors_are_one_array(self):
+        image = np.eye(4)
+        for train, draws in ((image, [image, image]), (torch.eye(4), torch.eye(4).expand(2, 4, 4))):
+            answer = Prediction(train, draws)  # pyright: ignore[reportArgumentType]
+            assert np.array_equal(answer.train_image, image)
+            assert np.array_equal(answer.draws, np.stack([image, image]))
+        with pytest.raises(SolverError, match="draws must be one array of images"):
+            Prediction(image, [image, np.eye(3)])  # pyright: ignore[reportArgumentType]
 
     @pytest.mark.parametrize(
         ("parts", "message"),

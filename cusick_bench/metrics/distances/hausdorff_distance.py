@@ -22,6 +22,7 @@ from cusick_bench.metrics.distances.surface import Surface, nearest, squared_dis
 from cusick_bench.sim.kernel_cache import numba
 
 TOLERANCE = 5e-5  # [m], half of the 0.1 mm that the leaderboards promise
+_ROUNDING = 1e-12  # of the largest coordinate; below rounding, bisection would never end, and overrun its stack
 _STACK = 4096  # pending parts of one triangle; bisection to 0.05 mm needs about 2 log2(length / tolerance)
 
 
@@ -128,7 +129,8 @@ def hausdorff(
     Args:
         first: A surface; give a `Surface` rather than a trimesh when it is compared more than once.
         second: The other surface.
-        tolerance: The value returned is at most this far below the true one, and never above it [m].
+        tolerance: The value returned is at most this far below the true one, and never above it [m], but for rounding:
+            a tolerance below 1e-12 of the largest coordinate counts as that.
         stop_above: Stop as soon as the distance is known to exceed this [m]; then only that is certain of the value.
             For searches of the nearest of many surfaces.
 
@@ -142,6 +144,7 @@ def hausdorff(
     if not tolerance > 0:
         raise ValueError(f"the tolerance must be > 0 m, got {tolerance}; 5e-5 is a good choice")
     one, other = Surface.of(first), Surface.of(second)
+    tolerance = max(tolerance, _ROUNDING * max(float(np.abs(surface.vertices).max()) for surface in (one, other)))
     distance = 0.0
     for source, target in ((one, other), (other, one)):
         distance = _directed(source.vertices, source.faces, target.tree, distance, tolerance, stop_above)

@@ -79,7 +79,11 @@ class Classifier:
 
         Returns:
             Root-mean-square distances in units of the spread.
+
+        Raises:
+            MetricError: Statistics that are not finite.
         """
+        _check_finite(statistics)
         apart = (statistics[:, None] - self.means) / self.spread
         return np.sqrt((apart**2).mean(2))
 
@@ -91,6 +95,9 @@ class Classifier:
 
         Returns:
             Index of the cloth, or `NONE`.
+
+        Raises:
+            MetricError: Statistics that are not finite.
         """
         return _nearest(self.distances(statistics), self.reach)
 
@@ -105,7 +112,7 @@ class Classifier:
             How many were taken for what.
 
         Raises:
-            MetricError: A cloth that the classifier does not know.
+            MetricError: A cloth that the classifier does not know, or statistics that are not finite.
         """
         truth = _indices(self.cloths, cloths)
         return _confusion(self.cloths, truth, self.assign(statistics))
@@ -125,8 +132,10 @@ def learn(
         The classifier, and what every drape is taken for by one that has not seen its sample.
 
     Raises:
-        MetricError: Fewer than two cloths, too few drapes, or a cloth with only one sample.
+        MetricError: Fewer than two cloths, too few drapes, a cloth with only one sample, or statistics that are not
+            finite.
     """
+    _check_finite(statistics)
     judge = _train(statistics, cloths)
     owner, groups = _indices(judge.cloths, cloths), list(zip(cloths, samples, strict=True))
     distances = np.zeros((len(owner), len(judge.cloths)))
@@ -139,6 +148,13 @@ def learn(
         distances[np.ix_(own, _indices(judge.cloths, unseen.cloths))] = unseen.distances(statistics[own])
     reach = float(np.quantile(distances[np.arange(len(owner)), owner], LIKELY, method="higher"))
     return replace(judge, reach=reach), _confusion(judge.cloths, owner, _nearest(distances, reach))
+
+
+def _check_finite(statistics: ndarray) -> None:
+    bad = np.argwhere(~np.isfinite(statistics))  # they are near to every cloth, to none, or to the first
+    if len(bad):
+        drape, column = map(int, bad[0])
+        raise MetricError(f"statistics must be finite, got {statistics[drape, column]} in row {drape}, column {column}")
 
 
 def _train(statistics: ndarray, cloths: Sequence[str]) -> Classifier:

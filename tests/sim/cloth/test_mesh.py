@@ -216,6 +216,13 @@ def test_gzipped_obj_is_the_same_mesh_and_the_same_bytes_every_time(tmp_path: Pa
     assert (tmp_path / "packed.obj.gz").read_bytes() == (tmp_path / "again.obj.gz").read_bytes()
 
 
+def test_a_shape_made_from_the_flat_cloth_changes_no_other_cloth():
+    """Meshes are kept: later cloths of the same mesh had this shape as their shape at rest."""
+    shape = disc_mesh(60).flat
+    shape[:, 2] += 0.01
+    assert (disc_mesh(60).flat[:, 2] == 0).all()
+
+
 def test_missing_binary_and_draped_files_are_refused(tmp_path: Path):
     with pytest.raises(SimulationError, match="no mesh file"):
         read_obj(tmp_path / "absent.obj")

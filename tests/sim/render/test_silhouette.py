@@ -219,6 +219,14 @@ def test_bad_input_is_refused_with_its_value():
             call()
 
 
+def test_positions_may_be_an_array_and_sizes_are_whole():
+    mesh = disc_mesh(60)
+    image = render(torch.from_numpy(mesh.flat), mesh.faces, ParallelCamera())
+    assert torch.equal(render(mesh.flat, mesh.faces, ParallelCamera()), image)
+    with pytest.raises(SimulationError, match=r"whole number of pixels a side, at least one, got size 256\.5"):
+        render(mesh.flat, mesh.faces, ParallelCamera(), size=256.5)  # pyright: ignore[reportArgumentType]
+
+
 def test_the_releases_mesh_lies_on_its_silhouette_in_parallel_projection_only(real_data):
     with (real_data / "audit.csv").open(encoding="utf-8") as table:
         row = next(r for r in csv.DictReader(table) if r["image"].endswith("Fabric_1_Sample_1_Capture_1.jpg"))
