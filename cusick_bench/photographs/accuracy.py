@@ -104,7 +104,8 @@ def accuracy(measured: Sequence[Measured]) -> Accuracy:
         The figures; NaN where there is nothing to count.
     """
     if not measured:
-        return Accuracy(0, math.nan, 0, *[math.nan] * 5, 0, math.nan)
+        nan = math.nan
+        return Accuracy(0, nan, 0, nan, nan, nan, nan, nan, 0, nan)
     errors = np.array([one.rms_mm for one in measured])
     accepted = np.array([one.accepted for one in measured], bool)
     level = np.array([one.beside_deg <= LEVEL_DEG for one in measured], bool)

@@ -132,7 +132,7 @@ def table_1(
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     grid = _Grid("table-1", source, cloth, solver, settings, draws, range(seed, seed + seeds), workers, out, force)
     cells, left_out = _run(grid)
-    with _setting(out, cells.table["cloth"].nunique()) as bar:
+    with _setting(out, len(set(cells.table["cloth"]))) as bar:
         (board,) = leaderboards(cells, by="test_mse")
         table = make_table("table-1", cells, board, notes=left_out)
         _write(table, out, {})
