@@ -10,10 +10,11 @@ import pytest
 from identify_command import CHEAP, identify, said
 from PIL import Image
 
+from cusick_bench.files.digest import digests_below
 from cusick_bench.identify import data as data_of_folder
 from cusick_bench.identify.data import as_data_set, holds_photographs
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.identify.workspace import Workspace, digests
+from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.sim.errors import CusickError
@@ -85,11 +86,11 @@ def test_edits_in_a_data_set_that_was_prepared_are_not_lost(photographs, tmp_pat
     prepared("190 g/m2")
     path = workspace.data / ("notes.txt" if edit == "add" else "fabrics.csv")
     path.unlink(missing_ok=True) if edit == "remove" else path.write_text("fabric,areal_density_kg_m2\n1,0.21\n")
-    before = digests(workspace.data)
+    before = digests_below(workspace.data)
     prepared("190 g/m2")  # nothing else has changed: used as it is
     with pytest.raises(IdentifyError, match=rf"edited after it had been made \({path.name}\); move it away"):
         prepared("200 g/m2")
-    assert digests(workspace.data) == before
+    assert digests_below(workspace.data) == before
     workspace.data.rename(tmp_path / "mine")
     prepared("200 g/m2")
     assert "0.2," in (workspace.data / "fabrics.csv").read_text()
@@ -112,7 +113,7 @@ def test_a_data_set_that_is_put_back_after_an_interruption_is_not_lost(photograp
             (workspace.out / "data.json").unlink()
         edited = workspace.data / "fabrics.csv"
         edited.write_text("fabric,areal_density_kg_m2,thickness_m\n1,0.21,0.0004\n")
-        before = digests(workspace.data)
+        before = digests_below(workspace.data)
         workspace.data.rename(tmp_path / "mine")
         with monkeypatch.context() as patched:
             patched.setattr(data_of_folder, "prepare", interrupted)
@@ -121,7 +122,7 @@ def test_a_data_set_that_is_put_back_after_an_interruption_is_not_lost(photograp
         (tmp_path / "mine").rename(workspace.data)
         with pytest.raises(CusickError, match="was edited after it had been made" if earlier else "is not empty"):
             prepared("200 g/m2")
-        assert digests(workspace.data) == before
+        assert digests_below(workspace.data) == before
 
 
 def test_a_table_of_weights_where_the_data_set_goes_is_not_removed(photographs, tmp_path):
@@ -139,12 +140,12 @@ def test_a_photograph_that_cannot_be_used_takes_no_data_set_away(photographs, tm
     folder, workspace, read = tmp_path / "photos", Workspace(tmp_path / "out"), []
     shutil.copytree(photographs, folder)
     as_data_set(str(folder), workspace, SettingText(), 256)
-    before, other = digests(workspace.data), folder / "Fabric_1_Sample_2_Capture_1.jpg"
+    before, other = digests_below(workspace.data), folder / "Fabric_1_Sample_2_Capture_1.jpg"
     with Image.open(folder / "Fabric_1_Sample_1_Capture_1.jpg") as image:
         image.crop((0, 0, image.width, image.height - 60)).save(other)
     with pytest.raises(BadPhotograph, match="the calibration's pictures"):
         as_data_set(str(folder), workspace, SettingText(), 256)
-    assert digests(workspace.data) == before
+    assert digests_below(workspace.data) == before
     other.unlink()
     as_data_set(str(folder), workspace, SettingText(), 256, done=read.append)
     assert not read

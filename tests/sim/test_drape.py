@@ -266,6 +266,7 @@ def test_the_shape_of_another_laying_is_taken_as_it_is_given():
     assert not torch.equal(drapes[0], simulator.drape(_material()).vertices)
 
 
+@pytest.mark.unchecked_arrays
 def test_an_array_that_is_filled_again_changes_no_earlier_cloth():
     """Every cloth of a loop over one array had the stiffness of the last."""
     table = np.full((3, 5), 1e-5)

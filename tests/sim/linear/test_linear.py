@@ -362,13 +362,15 @@ def test_any_blas_is_single_threaded_where_its_functions_cannot_be_seen(monkeypa
     """Those of OpenBLAS cannot on Windows, where it went on with all threads inside of the kernels' own."""
     monkeypatch.setattr(dense, "THREAD_FUNCTIONS", None)
 
-    def threads() -> set[int]:
-        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+    def threads() -> dict[str, int]:
+        return {one["filepath"]: one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 
     with threadpool_limits(limits=2, user_api="blas"):
+        before = threads()
+        assert max(before.values()) == 2
         with dense.single_threaded():
-            assert threads() == {1}
-        assert threads() == {2}
+            assert set(threads().values()) == {1}
+        assert threads() == before
 
 
 def test_workspace_holds_few_updates_at_a_time(pattern):
