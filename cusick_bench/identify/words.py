@@ -212,9 +212,8 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
         )
     if registered_in(dataset.root) is None and beside(dataset.root, PROTOCOL) is None:
         todo.append(
-            f"Write {PROTOCOL} beside the data unless your sizes and scale are those of the public release (cloth "
-            f"{2e3 * protocol.cloth_radius_m:g} mm, plate {2e3 * protocol.plate_radius_m:g} mm, "
-            f"{protocol.px_per_m:g} px/m), which are taken without it; docs/drape-meter.md says how."
+            f"Write {PROTOCOL} beside the data unless your sizes and scale are those of the public release "
+            f"({protocol.sizes_text}), which are taken without it; docs/drape-meter.md says how."
         )
     if not protocol.has_standard_ratio:
         todo.append(

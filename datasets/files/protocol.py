@@ -186,6 +186,11 @@ class Protocol:
         return self.plate_radius_m * CLOTH_RADIUS / PLATE_RADIUS
 
     @property
+    def sizes_text(self) -> str:
+        """Sizes and scale in words, such as "cloth 300 mm, plate 180 mm, 723 px/m"."""
+        return f"cloth {2e3 * self.cloth_radius_m:g} mm, plate {2e3 * self.plate_radius_m:g} mm, {self.px_per_m:g} px/m"
+
+    @property
     def cloth_scale(self) -> float:
         """Radius of the cloth, in those of the standard's."""
         return self.cloth_radius_m / CLOTH_RADIUS

@@ -155,10 +155,7 @@ def _nominal(dataset: DrapeDataset) -> str:
     protocol = dataset.protocol
     height = f" {protocol.camera_height_m:g} m above the plate" if protocol.projection == "pinhole" else ""
     source = beside(dataset.root, PROTOCOL) or f"the public release's, since there is no {PROTOCOL}"
-    return (
-        f"cloth {2e3 * protocol.cloth_radius_m:g} mm, plate {2e3 * protocol.plate_radius_m:g} mm, "
-        f"{protocol.px_per_m:g} px/m, {protocol.projection} camera{height} ({source})"
-    )
+    return f"{protocol.sizes_text}, {protocol.projection} camera{height} ({source})"
 
 
 def _contents(dataset: DrapeDataset, cloth: str) -> dict[str, Any]:

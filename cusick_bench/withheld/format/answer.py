@@ -38,20 +38,13 @@ _DIRECTION = "direction"  # kind of a place that is none: of a tilt, say
 _ANSWERS = ("answers", "cases")  # keys under which they may stand in a document
 
 
-def _empty_for_null(value: Any) -> Any:
-    return {} if value is None else value
+def _for_null(stands: Any) -> BeforeValidator:
+    """Null means left out: what then stands in its place."""
+    return BeforeValidator(lambda value: stands if value is None else value)
 
 
 def _empty_tuple_for_null(value: Any) -> Any:
     return value or ()
-
-
-def _false_for_null(value: Any) -> Any:
-    return False if value is None else value
-
-
-def _no_text_for_null(value: Any) -> Any:
-    return "" if value is None else value
 
 
 def _listed(value: Any) -> Any:
@@ -79,7 +72,7 @@ class StatedCause(Document):
     effect: OutcomeName
     class_name: str | None = Field(default=None, alias="class")
     probability: Probability
-    parameters: Annotated[dict[str, Any], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
+    parameters: Annotated[dict[str, Any], _for_null({})] = Field(default_factory=dict)
 
 
 class Gap(Document):
@@ -105,9 +98,9 @@ class Where(Place):
         localisable: Whether the answer says that the effect can be localised.
     """
 
-    stage: Annotated[dict[str, Number | None], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
+    stage: Annotated[dict[str, Number | None], _for_null({})] = Field(default_factory=dict)
     map: MapOfCells | None = None
-    localisable: Annotated[bool, BeforeValidator(_false_for_null)] = False
+    localisable: Annotated[bool, _for_null(False)] = False
 
 
 class Closure(Document):
@@ -141,7 +134,7 @@ class BaselineAnswer(Document):
     """
 
     verdict: Verdict
-    gap: Annotated[Gap, BeforeValidator(_empty_for_null)] = Gap()
+    gap: Annotated[Gap, _for_null({})] = Gap()
     named: Annotated[tuple[OutcomeName, ...], BeforeValidator(_empty_tuple_for_null)] = Field(
         default=(), alias="effects"
     )
@@ -150,8 +143,8 @@ class BaselineAnswer(Document):
         default=(), alias="causes"
     )
     stated_set: tuple[SetMemberName, ...] | None = Field(default=None, alias="set90")
-    where: Annotated[Where, BeforeValidator(_empty_for_null)] = Where()
-    closure: Annotated[Closure, BeforeValidator(_empty_for_null)] = Closure()
+    where: Annotated[Where, _for_null({})] = Where()
+    closure: Annotated[Closure, _for_null({})] = Closure()
     measurements: Annotated[tuple[str | dict[str, Any], ...], BeforeValidator(_listed)] = Field(
         default=(), alias="next"
     )
@@ -275,8 +268,8 @@ class Answer(BaselineAnswer):
     """
 
     stated_set: tuple[SetMemberName, ...] | None = Field(alias="set90")
-    baselines: Annotated[dict[str, BaselineAnswer], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
-    refused: Annotated[str, BeforeValidator(_no_text_for_null)] = ""
+    baselines: Annotated[dict[str, BaselineAnswer], _for_null({})] = Field(default_factory=dict)
+    refused: Annotated[str, _for_null("")] = ""
 
     def baseline(self, method: str) -> BaselineAnswer:
         """The answer of a simpler method, which was not offered what this one was not offered either.

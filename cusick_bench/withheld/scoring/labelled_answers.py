@@ -59,7 +59,7 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
     truth = labels_to_answer(answered, {case: truth_of(label) for case, label in labelled.items()})
     sealed = answered.seals.keys() | ({} if commitment is None else published_seals(commitment)).keys()
     others = answered.answers.keys() - labelled.keys() - sealed  # no cases, unless an answer says more of them
-    unlabelled = sorted(case for case in others if not _says_anything(answered, case))
+    unlabelled = sorted(case for case in others if answered.answers[case].verdict == REFUSED)
     said = {case: one for case, one in answered.answers.items() if case not in unlabelled}
     _require_same_cases(set(said), set(truth), answers, labels)
     carried = {case: label.sha256 for case, label in labelled.items()}
@@ -75,11 +75,6 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
     if facts := _provenance(answered):
         notes.append(f"Answers were frozen with {', '.join(facts)}.")
     return LabelledAnswers(said, truth, tuple(notes), answered.files)
-
-
-def _says_anything(document: AnswersDocument, case: str) -> bool:
-    """Whether an answer is more than a refusal, as that to a folder beside the cases that holds no silhouettes."""
-    return document.answers[case].verdict != REFUSED
 
 
 def _provenance(document: AnswersDocument) -> list[str]:
