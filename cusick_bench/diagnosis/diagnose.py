@@ -230,7 +230,8 @@ def _place(evidence: FabricEvidence) -> Place:
     one = next(iter([*local, *named]), None)
     others = [other for other in evidence.causes if other is not one]
     left = at.white - at.whiten(data.shift(others, at)[None])[0]
-    return place(one, left, data.grids(at))
+    shift = None if one is None else at.whiten(data.shift([one], at)[None])[0]
+    return place(one, left, data.grids(at), shift)
 
 
 def _baselines(

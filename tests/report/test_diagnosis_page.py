@@ -238,6 +238,19 @@ def test_page_is_small(profiles, tmp_path):
     assert write_diagnosis_page(parsed(document(profiles)), tmp_path / "new" / "page.html").stat().st_size < 200_000
 
 
+def test_a_named_patch_stands_beside_the_map_of_noise_alone(profiles):
+    made = document(profiles, "patch")
+    section = diagnosis_page(parsed(made)).place
+    assert "Noise alone gives so narrow a map in 1\u00a0% of cases." in section.caption
+    assert "the same patch would be placed to within 68° and 30 mm of radius (median)" in section.caption
+    assert section.null_map is not None
+    assert "of the maps of noise alone" in section.null_map
+    del made["where"]["resolution"], made["where"]["null_p"]
+    assert section.caption.startswith(diagnosis_page(parsed(made)).place.caption)
+    made["where"]["kind"] = ""
+    assert diagnosis_page(parsed(made)).place.null_map is None
+
+
 def _with_one_drape() -> dict:
     ring = (0.12 + 0.01 * np.cos(np.deg2rad(np.arange(0, 360, 20)))).tolist()
     drape = {"sample": 1, "side": "up", "radii_m": ring}
@@ -246,7 +259,10 @@ def _with_one_drape() -> dict:
 
 def _numbers_replaced(value, new: float | None):
     """The document with every number that may be unknown replaced."""
-    bounded = ("probability", "stage", "p", "map", "samples", "captures", "up", "down", "later", "sample", "radii_m")
+    bounded = (
+        "probability", "stage", "p", "map", "null_map", "null_p", "samples", "captures", "up", "down", "later",
+        "sample", "radii_m",
+    )  # fmt: skip
     if isinstance(value, dict):
         counts = "captures" in value
         return {

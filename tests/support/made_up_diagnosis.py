@@ -61,6 +61,8 @@ def document(profiles: dict, verdict: str = "effect") -> dict:
         made["causes"] = causes(local_stiff_patch=0.92, local_mass_patch=0.05, unknown=0.01, none=0.004)
         made["where"] |= {"map": patch_map(), "kind": "patch", "localisable": True, "why_not": ""}
         made["where"] |= {"angle_deg": [45.0, 90.0], "radius_m": [0.12, 0.15]}
+        made["where"] |= {"null_map": np.full((4, 16), 1 / 64).tolist(), "null_p": 0.01}
+        made["where"] |= {"resolution": {"angle_deg": 67.5, "radius_m": 0.03}}
         made["closure"] = {"effect": "local-stiff-patch", "fraction": 0.31, "ci90": [-0.12, 0.61]}
         made["gap"]["effect"] = 0.05
     elif verdict == "ambiguous":

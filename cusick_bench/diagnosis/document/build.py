@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping
 from math import isfinite
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
 from cusick_bench.diagnosis.atlas.emulator import Emulator
@@ -13,7 +15,7 @@ from cusick_bench.diagnosis.document import model
 from cusick_bench.diagnosis.document.answer import Answer
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
-from cusick_bench.diagnosis.document.part import Interval
+from cusick_bench.diagnosis.document.part import Interval, Map
 from cusick_bench.diagnosis.document.statistic_rows import finite, statistic_rows
 from cusick_bench.diagnosis.inference.single_effects.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN, Candidate
@@ -58,7 +60,7 @@ def document(
         gap=_gap(diagnosis),
         causes=tuple(_cause(diagnosis, name, p) for name, p in _ranked(diagnosis)),
         set90=answered.set90,
-        where=answered.where,
+        where=_mapped_location(diagnosis),
         closure=answered.closure,
         next=answered.next,
         baselines=answered.baselines,
@@ -108,7 +110,7 @@ def refused_document(fabric: str, reason: str, *, command: str, version: str) ->
         fabric=fabric,
         headline=f"Not diagnosed: {reason}.",
         verdict="refused",
-        where=stated.Location(why_not=reason),
+        where=model.MappedLocation(why_not=reason),
         refused=reason,
         provenance=model.Provenance(version=version, command=command),
     ).complete()
@@ -193,13 +195,29 @@ def _location(diagnosis: Diagnosis) -> stated.Location:
     place = diagnosis.place
     return stated.Location(
         stage=stage,
-        map=tuple(tuple(row) for row in np.round(place.map, 5).tolist()),
+        map=_map(place.map),
         kind=place.kind,
         angle_deg=place.angle,
         radius_m=place.radius,
         localisable=place.localisable,
         why_not=place.why_not,
     )
+
+
+def _mapped_location(diagnosis: Diagnosis) -> model.MappedLocation:
+    place, resolution = diagnosis.place, None
+    if place.resolution is not None:
+        resolution = model.Resolution(angle_deg=place.resolution[0], radius_m=place.resolution[1])
+    return model.MappedLocation(
+        **dict(_location(diagnosis)),
+        null_map=None if place.null_map is None else _map(place.null_map),
+        null_p=place.null_p,
+        resolution=resolution,
+    )
+
+
+def _map(table: Float[ndarray, "4 16"]) -> Map:
+    return tuple(tuple(row) for row in np.round(table, 5).tolist())
 
 
 def _budget(diagnosis: Diagnosis) -> tuple[stated.BudgetShare, ...]:

@@ -20,7 +20,7 @@ from cusick_bench.diagnosis.document.answer import (
     StatedGap,
     Unexplained,
 )
-from cusick_bench.diagnosis.document.part import Interval, Part, Probability
+from cusick_bench.diagnosis.document.part import Interval, Map, Part, Probability
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.findings.verdict import Verdict
 from cusick_bench.files import BadFile, parse_json, read_text
@@ -260,6 +260,32 @@ class Provenance(Part):
     atlas: str = ""
 
 
+class Resolution(Part):
+    """How wide the region of the named patch is under fresh noise, in the median of many noises.
+
+    Attributes:
+        angle_deg: Its angle [deg].
+        radius_m: From its inner to its outer radius, of the atlas' cloth [m].
+    """
+
+    angle_deg: float | None = None
+    radius_m: float | None = None
+
+
+class MappedLocation(Location):
+    """Where the cause acts, beside what the map would be without a cause.
+
+    Attributes:
+        null_map: Mean of the maps of noise alone; None where the map is none of a patch.
+        null_p: p of noise alone: share of its maps whose likeliest place is at least as likely as that of `map`.
+        resolution: How finely the place of the named patch can be told; None where none is named.
+    """
+
+    null_map: Map | None = None
+    null_p: Probability | None = None
+    resolution: Resolution | None = None
+
+
 class DiagnosisDocument(Part):
     """The content of `diagnosis.json`.
 
@@ -302,7 +328,7 @@ class DiagnosisDocument(Part):
     gap: Gap = Gap()
     causes: tuple[Cause, ...] = ()
     set90: tuple[str, ...] = ()
-    where: Location = Location()
+    where: MappedLocation = MappedLocation()
     closure: Closure = Closure()
     next: tuple[NextMeasurement, ...] = ()
     baselines: dict[str, Baseline] = Field(default_factory=dict)

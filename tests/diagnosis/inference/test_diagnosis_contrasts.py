@@ -33,7 +33,7 @@ from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.single_effects.localise import patch_map
+from cusick_bench.diagnosis.inference.single_effects.localise import PatchMaps
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
 from cusick_bench.sim.effects import effect
@@ -361,4 +361,4 @@ def test_a_patch_of_which_nothing_is_seen_may_be_anywhere() -> None:
     rows = np.concatenate([np.arange(len(patch.severity())), np.arange(0, len(patch.severity()), 7)])  # some twice
     values, zeros = {name: column[rows] for name, column in patch.values.items()}, np.zeros(len(rows))
     grid = Grid(patch, values, np.ones(len(rows)), np.zeros((len(rows), 3)), zeros, zeros)
-    np.testing.assert_allclose(patch_map(np.ones(3), [grid]), 1 / 64)
+    np.testing.assert_allclose(PatchMaps([grid]).of(np.ones(3)), 1 / 64)

@@ -85,14 +85,33 @@ def test_patch_is_found_where_it_is(emulator: Emulator) -> None:
     residual = residual_of(emulator, *drawn_fabric(emulator, generator, shift=moved))
     made = detectable_grids(emulator, residual)
     best = next(one for one in candidates(residual.white, made) if one.hypothesis.name == "local-mass-patch")
-    spot = place(best, residual.white, made)
+    own = next(one for one in made if one.hypothesis is best.hypothesis)
+    shift = own.shift[own.best(own.log_likelihood(residual.white))]
+    spot = place(best, residual.white, made, shift)
     assert spot.map.shape == (4, 16)
     assert spot.map.sum() == pytest.approx(1)
     assert spot.localisable
     assert spot.angle is not None
     first, last = spot.angle
     assert (200.0 - first) % 360 <= last - first
+    assert spot.null_map is not None
+    assert spot.null_map.max() < 2 / 64 < spot.map.max(), "noise prefers no place"
+    assert spot.null_p == 0.01
+    weaker = place(best, residual.white, made, shift / 10)
+    assert spot.resolution is not None
+    assert weaker.resolution is not None
+    assert last - first <= spot.resolution[0] < weaker.resolution[0] <= 360
+    assert 0 < spot.resolution[1] <= weaker.resolution[1] <= 0.06
     assert place(None, residual.white, made).localisable is False
+
+
+def test_noise_is_often_as_narrow_a_map_as_noise(emulator: Emulator) -> None:
+    residual = residual_of(emulator, *drawn_fabric(emulator, np.random.default_rng(8)))
+    made = detectable_grids(emulator, residual)
+    generator = np.random.default_rng(3)
+    found = [place(None, generator.standard_normal(len(residual.white)), made) for _ in range(3)]
+    assert np.median([one.null_p for one in found]) > 0.1
+    assert all(one.resolution is None for one in found)
 
 
 def test_a_patch_whose_place_is_not_told_says_why(emulator: Emulator) -> None:

@@ -2,11 +2,13 @@
 
 The map has four rings of the hanging part, from the plate's edge to the rim, and 16 sectors counter-clockwise from
 warp, face up. The value of a place is the probability of a stiffer or heavier patch there, given that there is a patch
-anywhere. It is meaningful only where a patch explains the data at all, and where the map is narrower than under noise.
+anywhere. It is meaningful only where a patch explains the data at all, and where the map is narrower than under noise:
+so maps of noise alone are made beside it, and maps of the named patch under fresh noise, whose regions are as wide as
+the silhouettes resolve.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +25,8 @@ EDGES = (PLATE_RADIUS, 0.105, 0.12, 0.135, CLOTH_RADIUS)
 _LEVEL = 0.8  # probability of the region that is named
 _NARROW = 3.0  # least probability of the likeliest place of a patch that is named, over that of an even map
 _WIDE = "it acts in one place, but the map is nearly as wide as under noise"
+_NOISES = 99  # maps of fresh noise
+_EVEN = np.full((len(RINGS), SECTORS), 1 / (len(RINGS) * SECTORS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +40,10 @@ class Place:
         radius: Inner and outer [m], or None.
         localisable: Whether there is a place to name.
         why_not: Why there is none, in words.
+        null_map: Mean of the maps of noise alone; None where the map is none of a patch.
+        null_p: p of noise alone: share of its maps whose likeliest place is at least as likely as that of `map`.
+        resolution: Median width of the region of the named patch under fresh noise: angle [deg], radius [m]; None
+            where none is named.
     """
 
     map: Float[ndarray, "4 16"]
@@ -44,57 +52,98 @@ class Place:
     radius: tuple[float, float] | None
     localisable: bool
     why_not: str = ""
+    null_map: Float[ndarray, "4 16"] | None = None
+    null_p: float | None = None
+    resolution: tuple[float, float] | None = None
 
 
-def patch_map(white: Float[ndarray, "kept"], grids: Sequence[Grid], only: str | None = None) -> Float[ndarray, "4 16"]:
-    """Probability of each place, given that a patch acts somewhere.
+class PatchMaps:
+    """Maps from the patches of all hypotheses, one for each vector of residuals.
 
     Args:
-        white: What the base model leaves.
         grids: All hypotheses.
         only: One effect; by default all patches together.
-
-    Returns:
-        By ring and sector; adds up to 1.
     """
-    cells: dict[tuple[int, int], list[float]] = {}
-    for grid in grids:
-        if grid.hypothesis.effect.located != "patch" or (only is not None and grid.hypothesis.name != only):
-            continue
-        values = grid.values
-        likelihood = grid.log_likelihood(white)
-        ring = np.array([int(np.argmin(np.abs(np.array(RINGS) - r))) for r in values["radius"]])
-        first = values["direction"] * SECTORS / 360
-        for row, value in enumerate(likelihood):
+
+    def __init__(self, grids: Sequence[Grid], only: str | None = None) -> None:
+        self._grids = [
+            grid for grid in grids if grid.hypothesis.effect.located == "patch" and only in (None, grid.hypothesis.name)
+        ]
+        rows, cells, first = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)], 0
+        for grid in self._grids:
+            ring = np.argmin(np.abs(np.array(RINGS)[:, None] - grid.values["radius"]), axis=0)
+            position = grid.values["direction"] * SECTORS / 360
             # A direction between the middles of two sectors is shared between both.
-            for sector in {int(np.floor(first[row])) % SECTORS, int(np.floor(first[row] - 1e-9)) % SECTORS}:
-                cells.setdefault((ring[row], sector), []).append(float(value))
-    table = np.full((len(RINGS), SECTORS), -np.inf)
-    for (ring_number, sector), logs in cells.items():
-        table[ring_number, sector] = logsumexp(logs) - np.log(len(logs))
-    if not np.isfinite(table).any():
-        return np.full((len(RINGS), SECTORS), 1 / (len(RINGS) * SECTORS))
-    return np.exp(table - logsumexp(table))
+            before, after = (np.floor(position - d).astype(int) % SECTORS for d in (1e-9, 0.0))
+            row, shared = first + np.arange(len(position)), before != after
+            rows += [row, row[shared]]
+            cells += [ring * SECTORS + after, (ring * SECTORS + before)[shared]]
+            first += len(position)
+        cell = np.concatenate(cells)
+        order = np.argsort(cell, kind="stable")
+        self._rows = np.concatenate(rows)[order]
+        self._cells, self._starts, self._counts = np.unique(cell[order], return_index=True, return_counts=True)
+
+    def of(self, white: Float[ndarray, "kept"]) -> Float[ndarray, "4 16"]:
+        """Probability of each place, given that a patch acts somewhere.
+
+        Args:
+            white: What the base model leaves.
+
+        Returns:
+            By ring and sector; adds up to 1; even where no hypothesis is a patch.
+        """
+        logs = np.full(len(RINGS) * SECTORS, -np.inf if self._grids else 0.0)
+        if self._grids:
+            likelihood = np.concatenate([grid.log_likelihood(white) for grid in self._grids])[self._rows]
+            most = np.maximum.reduceat(likelihood, self._starts)
+            likelihood -= np.repeat(most, self._counts)
+            logs[self._cells] = most + np.log(np.add.reduceat(np.exp(likelihood), self._starts) / self._counts)
+        return np.exp(logs - logsumexp(logs)).reshape(len(RINGS), SECTORS)
+
+    def of_noise(self, white: Float[ndarray, "kept"]) -> Iterator[Float[ndarray, "4 16"]]:
+        """Maps of a vector of residuals under fresh noise, the same noise at every call.
+
+        Args:
+            white: What an effect shifts, in standard deviations of noise; zeros for noise alone.
+
+        Yields:
+            Maps.
+        """
+        generator = np.random.default_rng(0)
+        for _ in range(_NOISES):
+            yield self.of(white + generator.standard_normal(len(white)))
 
 
-def place(candidate: Candidate | None, white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> Place:
+def place(
+    candidate: Candidate | None,
+    white: Float[ndarray, "kept"],
+    grids: Sequence[Grid],
+    shift: Float[ndarray, "kept"] | None = None,
+) -> Place:
     """Where the named cause acts.
 
     Args:
         candidate: The named cause with its parameters, or None.
         white: What the base model leaves.
         grids: All hypotheses.
+        shift: What the named cause shifts, in the units of `white`; without it no resolution is found.
 
     Returns:
         The place; not localisable where no cause is named, or the cause has no place.
     """
     if candidate is None:
-        return Place(patch_map(white, grids), "", None, None, False, "no single cause is named")
+        maps = PatchMaps(grids)
+        found = Place(maps.of(white), "", None, None, False, "no single cause is named")
+        return _beside_null(found, maps, len(white))
     effect, value = candidate.hypothesis.effect, candidate.value
     if effect.located == "patch":
-        table = patch_map(white, grids, effect.name)
+        maps = PatchMaps(grids, effect.name)
+        table = maps.of(white)
         narrow = bool(table.max() > _NARROW / table.size)
-        return Place(table, "patch", _sector(table), _rings(table), narrow, "" if narrow else _WIDE)
+        found = Place(table, "patch", _sector(table), _rings(table), narrow, "" if narrow else _WIDE)
+        resolution = None if shift is None else _resolution(maps, shift)
+        return replace(_beside_null(found, maps, len(white)), resolution=resolution)
     if effect.located == "ring":
         width = next((value[p.name] for p in effect.parameters if p.role == "size"), 0.0)
         table = np.zeros((len(RINGS), SECTORS))
@@ -102,10 +151,27 @@ def place(candidate: Candidate | None, white: Float[ndarray, "kept"], grids: Seq
         if width:
             return Place(table, "ring", (0.0, 360.0), (EDGES[-1] - 2 * width, EDGES[-1]), True)
         return Place(table, "ring", None, None, False, "it acts all around")
-    table = np.full((len(RINGS), SECTORS), 1 / (len(RINGS) * SECTORS))
     if effect.located == "direction":
-        return Place(table, "direction", None, None, False, "it acts along a direction, not in a place")
-    return Place(table, "", None, None, False, "it acts everywhere on the cloth")
+        return Place(_EVEN, "direction", None, None, False, "it acts along a direction, not in a place")
+    return Place(_EVEN, "", None, None, False, "it acts everywhere on the cloth")
+
+
+def _beside_null(found: Place, maps: PatchMaps, kept: int) -> Place:
+    """The place, with what maps of as many residuals of noise alone look like."""
+    noise = np.array(list(maps.of_noise(np.zeros(kept))))
+    as_narrow = int((noise.max((1, 2)) >= found.map.max()).sum())
+    return replace(found, null_map=noise.mean(0), null_p=(1 + as_narrow) / (1 + _NOISES))
+
+
+def _resolution(maps: PatchMaps, shift: Float[ndarray, "kept"]) -> tuple[float, float]:
+    """Median width of the region that is named where the same patch acts under fresh noise [deg, m]."""
+    widths = [
+        (angle[1] - angle[0], radius[1] - radius[0])
+        for table in maps.of_noise(shift)
+        for angle, radius in [(_sector(table), _rings(table))]
+    ]
+    angle, radius = np.median(widths, axis=0)
+    return float(angle), float(radius)
 
 
 def _sector(table: Float[ndarray, "4 16"]) -> tuple[float, float]:

@@ -60,13 +60,16 @@ class _Shades:
         return [to_rgba(colour, _PALEST + (darkest - _PALEST) * level) for level in np.clip(levels, 0, 1).tolist()]
 
 
-def cloth_map(shares: Float[ndarray, "4 16"] | None, region: Region | None, arrow: Arrow | None) -> Figure:
+def cloth_map(
+    shares: Float[ndarray, "4 16"] | None, region: Region | None, arrow: Arrow | None, *, key: str = ""
+) -> Figure:
     """The cloth from above, face up, with the probability of a local patch at each place.
 
     Args:
         shares: Probability by ring, from the plate outwards, and sector, counter-clockwise from warp.
         region: Place to outline; without one the map is grey, since it then says nothing of the cause.
         arrow: Direction to draw.
+        key: Words below the colours' scale; by default what the map says.
 
     Returns:
         The figure.
@@ -86,7 +89,7 @@ def cloth_map(shares: Float[ndarray, "4 16"] | None, region: Region | None, arro
         _draw_arrow(axes, arrow)
     if region is not None:
         _draw_outline(axes, region)
-    _draw_scale(figure, None if shares is None else top, shades)
+    _draw_scale(figure, None if shares is None else top, shades, key)
     return figure
 
 
@@ -133,7 +136,7 @@ def _draw_arrow(axes: Axes, arrow: Arrow) -> None:
     axes.annotate("", (angle, 0.078), xytext=(angle + np.pi, start), arrowprops=line)
 
 
-def _draw_scale(figure: Figure, top: float | None, shades: _Shades) -> None:
+def _draw_scale(figure: Figure, top: float | None, shades: _Shades, words: str) -> None:
     """Key of the map's colours."""
     axes = panel(figure, 130, 402, 140, 10)
     axes.set(xlim=(0, 20), ylim=(0, 1))
@@ -145,5 +148,5 @@ def _draw_scale(figure: Figure, top: float | None, shades: _Shades) -> None:
     axes.bar(np.arange(20), 1, 1.0, color=shades.of(np.linspace(0, 1, 20)), align="edge")
     axes.annotate("0 %", (0, 0.5), xytext=(-6, 0), ha="right", va="center", **style)
     axes.annotate(percent(top), (20, 0.5), xytext=(6, 0), va="center", **style)
-    words = "probability that the cause sits there" if shades.named else "if the cause were a local patch: no finding"
-    axes.annotate(words, (10, 0), xytext=(0, -4), ha="center", va="top", **style)
+    says = "probability that the cause sits there" if shades.named else "if the cause were a local patch: no finding"
+    axes.annotate(words or says, (10, 0), xytext=(0, -4), ha="center", va="top", **style)

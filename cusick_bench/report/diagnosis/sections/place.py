@@ -1,12 +1,12 @@
 """Where the gap lies according to a diagnosis: on the cloth, in which statistics, at which stage of the experiment."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
-from cusick_bench.diagnosis.document.model import DiagnosisDocument
+from cusick_bench.diagnosis.document.model import DiagnosisDocument, MappedLocation, Resolution
 from cusick_bench.diagnosis.inference.single_effects.localise import EDGES
 from cusick_bench.report.diagnosis.graphs.bars import Bar, bars_graph
 from cusick_bench.report.diagnosis.graphs.cloth_map import Arrow, Region, cloth_map
@@ -25,6 +25,7 @@ class PlaceSection:
         words: The answer in sentences.
         map: Map of the cloth.
         caption: What the map shows.
+        null_map: Map of noise alone; None where no local patch is named.
         groups: The gap by group of statistics; None where nothing was simulated.
         has_floors: Whether `groups` shows floors.
         stages: Probability by stage of the making of a drape; None where it is not known.
@@ -33,6 +34,7 @@ class PlaceSection:
     words: str
     map: Markup
     caption: str
+    null_map: Markup | None
     groups: Markup | None
     has_floors: bool
     stages: Markup | None
@@ -53,10 +55,16 @@ def place_section(document: DiagnosisDocument) -> PlaceSection:
     stages, groups = _stages(where.stage), _groups(document)
     words = _in_words(document, region, stages)
     shares = None if where.map is None else np.array(where.map, dtype=np.float64)
+    null_map = None
+    if where.null_map is not None and where.kind == "patch":
+        words_of_null = "mean of the maps of noise alone"
+        drawn = cloth_map(np.array(where.null_map, dtype=np.float64), None, None, key=words_of_null)
+        null_map = inline_svg(drawn, f"Map of the cloth: {words_of_null}.", "map small")
     return PlaceSection(
         words=words,
         map=inline_svg(cloth_map(shares, region, arrow), f"Map of the cloth. {words}", "map"),
-        caption=_caption(region, arrow, known=shares is not None),
+        caption=" ".join(_caption(where, region, arrow)),
+        null_map=null_map,
         groups=_bars(groups, "Gap by group of statistics", plain) if groups else None,
         has_floors=any(one.mark is not None for one in groups),
         stages=_bars(stages, "Probability by stage", percent, percents=True) if stages else None,
@@ -76,13 +84,28 @@ def _in_words(document: DiagnosisDocument, region: Region | None, stages: Sequen
     return words
 
 
-def _caption(region: Region | None, arrow: Arrow | None, *, known: bool) -> str:
-    words = "Cloth from above, face up."
+def _caption(where: MappedLocation, region: Region | None, arrow: Arrow | None) -> Iterator[str]:
+    """What the map shows, in sentences."""
+    yield "Cloth from above, face up."
     if region is not None:
-        words += " Outlined: the place that holds most of the probability."
-    elif known:
-        words += " No place is named."
-    return words if arrow is None else f"{words} Arrow: direction of the cause, {arrow.angle:.0f}° from warp."
+        yield "Outlined: the place that holds most of the probability."
+    elif where.map is not None:
+        yield "No place is named."
+    if where.null_p is not None:
+        yield f"Noise alone gives so narrow a map in {percent(where.null_p)} of cases."
+    if region is not None and where.resolution is not None:
+        yield from _resolution_in_words(where.resolution)
+    if arrow is not None:
+        yield f"Arrow: direction of the cause, {arrow.angle:.0f}° from warp."
+
+
+def _resolution_in_words(resolution: Resolution) -> Iterator[str]:
+    angle, radius = resolution.angle_deg or 0.0, resolution.radius_m or 0.0
+    if 0 < angle <= 360 and 0 < radius <= EDGES[-1]:
+        yield (
+            f"In other samples the same patch would be placed to within {angle:.0f}° and {1e3 * radius:.0f} mm of "
+            "radius (median)."
+        )
 
 
 def _region(angle: tuple[float, float] | None, radius: tuple[float, float] | None) -> Region | None:
