@@ -88,6 +88,14 @@ class TestTable:
         assert "not run here: sobol, cmaes, vanilla-bo." in text
         assert f"| turbo | 16 | {rows['turbo']['mean']:.3f} ± 0.050 |" in text
 
+    @pytest.mark.parametrize(("runs", "differs"), [(2, "no"), (16, "higher")])
+    def test_few_runs_tell_little_of_their_standard_error(self, runs, differs):
+        """With a limit of 2 standard errors one in four pairs of runs of the published method would differ from it."""
+        turbo = PUBLISHED["hartmann6", 100, 200]["turbo"]
+        made = spread("turbo", turbo.mean + 2.3 * np.hypot(0.05, turbo.standard_error), 0.05, runs)
+        (row,) = table_rows(made)
+        assert (row["differs"], row["z"]) == (differs, pytest.approx(2.3))
+
     def test_functions_stand_apart(self):
         runs = [finished("sobol", -2.0), finished("sobol", 1.4, function="branin", evaluations=50)]
         text = markdown_table(table_rows(runs))

@@ -136,6 +136,13 @@ class TestStatistics:
         assert paired_p <= 2 / 2001
         assert 0.05 < compare(before, mixed, level=0.05, generator=generator).p < 0.95
 
+    def test_a_level_that_random_permutations_cannot_reach_hides_no_regression(self):
+        """Of 2000 the least p is 1 / 2001, six times that over six tests, so that nothing could be found at 1e-3."""
+        before = cells(range(6), np.random.default_rng(12))
+        outcome = check(cells(range(6), np.random.default_rng(13), {"noisy": 10}), before, Gate(METRICS, level=1e-3))
+        assert {(one.solver, one.comparison.test) for one in outcome.regressions if one.comparison} == {("noisy", "t")}
+        assert len(outcome.regressions) == len(METRICS)
+
     @pytest.mark.parametrize(
         ("cloths", "level", "test"), [(6, 0.05, "t"), (30, 0.05, "permutation"), (12, 0.02, "permutation")]
     )
@@ -156,6 +163,19 @@ class TestStatistics:
         detectable = float(np.mean([one.detectable for one in alike]))
         found = np.mean([compared(detectable).p <= level for _ in range(200)])
         assert found == pytest.approx(0.8, abs=0.1)
+
+    def test_a_solver_of_which_no_change_would_be_found_is_not_called_unchanged(self):
+        """Twice and six times the values of two cloths: Student's t with one degree of freedom finds nothing."""
+        before = pd.DataFrame({"solver": "mine", "cloth": ["one", "two"], "seed": 0, "status": "done", "test_mse": 1.0})
+        after = before.assign(test_mse=[2.0, 6.0])
+        outcome = check(after, before, Gate(("test_mse",)))
+        (finding,) = outcome.findings
+        assert (finding.verdict, outcome.decided) == ("undecided", False)
+        assert "values scatter too much" in finding.detail
+        same = check(before, before, Gate(("test_mse",)))
+        assert ([one.verdict for one in same.findings], same.decided) == (["unchanged"], True)
+        (worse,) = check(before.assign(test_mse=2.0), before, Gate(("test_mse",))).regressions
+        assert worse.detail == ""
 
     def test_solvers_whose_changes_could_be_missed_are_named(self):
         """Of five cloths with 10 % of noise between seeds; a solver that seeds do not move hides nothing."""

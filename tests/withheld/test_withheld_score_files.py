@@ -19,7 +19,7 @@ from cusick_bench.withheld.scoring.calibration import (
 )
 from cusick_bench.withheld.scoring.failures import confusion_by_class, confusion_by_effect, failures
 from cusick_bench.withheld.scoring.labelled_answers import read_labelled_answers
-from cusick_bench.withheld.scoring.measures import AUROC
+from cusick_bench.withheld.scoring.measures import AUROC, CLEAR
 from cusick_bench.withheld.scoring.score import ANSWERS
 from cusick_bench.withheld.scoring.table import markdown
 from cusick_bench.withheld.suite.design import plan_suite
@@ -293,6 +293,24 @@ def test_the_area_under_the_curve_has_no_cases_where_nulls_or_effects_are_missin
     page = markdown(scores, [], {})
     assert f"| {AUROC} |" not in page
     assert AUROC in page.split("Not judged")[1].split("\n")[0]
+
+
+def test_what_all_resamples_agree_on_has_no_interval(tmp_path):
+    """Two effects and three nulls that are told apart had an area of 1.000 [1.000, 1.000]."""
+    labels = {f"n{i}": label("none", None, severity=None) for i in range(3)}
+    labels |= {f"c{i}": label("creep", 2.0) for i in range(2)}
+    answers = {case: perfect(truth) for case, truth in labels.items()}
+
+    def clear(answers):
+        figures = scored(tmp_path, labels, answers).figures
+        return {figure.name: figure for figure in figures if (figure.method, figure.subset) == (ANSWERS, CLEAR)}
+
+    found = clear(answers)
+    for name in (AUROC, "90 % set size"):
+        assert (found[name].value, isnan(found[name].low), isnan(found[name].high)) == (1.0, True, True)
+    assert found["power"].low > 0
+    mistaken = clear(answers | {"n0": answer("effect", ("creep", 0.9), p=1e-4)})[AUROC]
+    assert mistaken.low < mistaken.value < 1
 
 
 def test_a_page_lists_what_had_no_cases_instead_of_empty_lines(tmp_path):

@@ -58,6 +58,9 @@ class Published:
     median: float | None = None
 
 
+PUBLISHED_RUNS = 50
+"""Runs behind every published mean."""
+
 PUBLISHED: dict[tuple[str, int, int], dict[str, Published]] = {
     ("branin", 100, 50): {
         "rembo": Published(1.433, 0.165, 0.992),

@@ -18,9 +18,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from pydantic import TypeAdapter
+from scipy.stats import t as student
 
 from cusick_bench.benchmark.optimisers.functions import FUNCTIONS, BenchmarkError
-from cusick_bench.benchmark.optimisers.runs import METHODS, PUBLISHED, Finished, run_numerics, summary
+from cusick_bench.benchmark.optimisers.runs import (
+    METHODS,
+    PUBLISHED,
+    PUBLISHED_RUNS,
+    Finished,
+    Published,
+    run_numerics,
+    summary,
+)
 from cusick_bench.files import parse_json, read_text
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.runner.store import write_atomically
@@ -30,7 +39,8 @@ _FINISHED = TypeAdapter(Finished)
 _BEFORE_VERSIONS = {field.name for field in fields(Finished)} - {"numerics", "code"} | {"code_version"}
 """Keys of a run of before the numerics had versions, which counts no more."""
 
-APART = 2.0  # standard errors of the difference beyond which two means are said to differ
+APART = 2.0  # standard errors of the difference beyond which two means of many runs are said to differ
+_TAIL = 0.025  # beyond which they are by Student's t, where few runs tell little of the standard error
 REMARKS = {
     (
         "branin",
@@ -106,8 +116,8 @@ def table_rows(runs: Iterable[Finished]) -> list[dict[str, Any]]:
 
     Returns:
         Lines in the order of `METHODS`; `differs` is "lower" or "higher" where our mean is more than `APART` standard
-        errors of the difference from the published one, "no" where it is not, and "" where nothing is published, or
-        where one run has no standard error.
+        errors of the difference from the published one, of few runs more than Student's t has at 5 %, "no" where it is
+        not, and "" where nothing is published, or where one run has no standard error.
     """
     groups: dict[_Question, dict[str, list[Finished]]] = {}
     for run in runs:
@@ -150,7 +160,8 @@ def markdown_table(rows: Sequence[dict[str, Any]], facts: Sequence[str] = ()) ->
         "# Gradient-free solvers on published test functions",
         "A few coordinates of [-1, 1]^D matter, drawn anew for every run. Best value found, mean ± standard error; the "
         "published figures are of 50 runs (Letham et al., NeurIPS 2020). z is the difference of the means in its "
-        f"standard errors; beyond {APART:g} the two are said to differ. As many runs as published, of one function: "
+        f"standard errors; beyond {APART:g}, of few runs beyond Student's t at 5 %, the two are said to differ. As "
+        "many runs as published, of one function: "
         "`cusick-bench optimisers --function NAME --runs 50 --out DIR`.",
     ]
     questions = dict.fromkeys((row["function"], row["dimension"], row["evaluations"]) for row in rows)
@@ -187,11 +198,20 @@ def _line(question: _Question, method: str, runs: list[Finished]) -> dict[str, A
         "published_standard_error": published.standard_error if published else nan,
         "published_median": published.median if published and published.median is not None else nan,
         "z": z,
-        "differs": "" if not isfinite(z) else "no" if abs(z) <= APART else "lower" if z < 0 else "higher",
+        "differs": "" if published is None or not isfinite(z) else _differs(z, found, published, len(runs)),
         "seconds_per_run": float(np.median([run.seconds for run in runs])),  # a run may have been suspended
         "seeds": " ".join(sorted({str(run.seed) for run in runs})),
         "code_version": "; ".join([runs[0].numerics, *dict.fromkeys(run.code for run in runs)]),
     }
+
+
+def _differs(z: float, found: dict[str, Any], published: Published, runs: int) -> str:
+    """Where our mean lies beside the published one; degrees of freedom are Welch's."""
+    own, other = found["standard_error"] ** 2, published.standard_error**2
+    freedom = (own + other) ** 2 / (own**2 / (runs - 1) + other**2 / (PUBLISHED_RUNS - 1))
+    if abs(z) <= max(APART, float(student.isf(_TAIL, freedom))):
+        return "no"
+    return "lower" if z < 0 else "higher"
 
 
 def mean_in_words(mean: float, error: float) -> str:

@@ -49,9 +49,9 @@ def optimisers(
 ) -> None:
     """Minimise a test function hidden in many dimensions, and compare with published results.
 
-    z is the difference from the published mean in standard errors of that difference; beyond 2 the two are said to
-    differ. With --out, repeating the command goes on where it was stopped, and other functions and methods join the
-    same table.
+    z is the difference from the published mean in standard errors of that difference; beyond 2, of few runs beyond
+    Student's t at 5 %, the two are said to differ. With --out, repeating the command goes on where it was stopped, and
+    other functions and methods join the same table.
     """
     from cusick_bench.benchmark.optimisers.table import RunFile, table_rows, write_table
 

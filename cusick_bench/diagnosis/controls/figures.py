@@ -1,13 +1,19 @@
-"""Shares of hits and of false alarms, each with Wilson's 95 % interval.
+"""Shares of hits and of false alarms, each with a 95 % interval.
+
+Controls of one fabric tend to go well or badly together. So the interval is Wilson's, of as many cases as the scatter
+between fabrics leaves: their number over the design effect (Rao and Scott), where that exceeds 1. Where a share is 0 or
+1, or every fabric has one case, nothing shows the scatter and all cases count.
 
 References:
     E. B. Wilson. Probable inference, the law of succession, and statistical inference. Journal of the American
         Statistical Association 22 (1927), 209.
+    J. N. K. Rao, A. J. Scott. A simple method for the analysis of clustered binary data. Biometrics 48 (1992), 577.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from math import nan
+from math import nan, sqrt
+from statistics import NormalDist
 from typing import Any, Literal
 
 from cusick_bench.diagnosis.controls.judgement import Judgement
@@ -69,15 +75,15 @@ def figures(judgements: Sequence[Judgement]) -> list[ControlFigure]:
         _share(
             "strength of planted effects estimated, named or not",
             "larger",
-            [one.estimate_right == "yes" for one in larger if one.estimate_right],
+            [(one.fabric, one.estimate_right == "yes") for one in larger if one.estimate_right],
         ),
-        _share("halves of one face rejected", "", [one.false_alarm for one in halves], "at most"),
+        _share("halves of one face rejected", "", [(one.fabric, one.false_alarm) for one in halves], "at most"),
         _hits("known effects of the data found", "", real),
         _hits("pictures that are no drape left out", "", [one for one in judgements if one.kind == "slip"]),
         _share(
             "another effect named beside what was planted",
             "",
-            [one.false_alarm for one in planted if one.verdict != REFUSED],
+            [(one.fabric, one.false_alarm) for one in planted if one.verdict != REFUSED],
         ),
         _alarms("effects named that cannot be there", judgements, "absent"),
         _alarms("effects named for a mirrored face", judgements, "outside"),
@@ -95,27 +101,48 @@ def _by_control(judgements: Sequence[Judgement]) -> Iterable[ControlFigure]:
 
 
 def _hits(name: str, level: str, judgements: Sequence[Judgement], goal: Literal["", "at least"] = "") -> ControlFigure:
-    return _share(name, level, [one.hit == "yes" for one in judgements if one.hit], goal)
+    return _share(name, level, [(one.fabric, one.hit == "yes") for one in judgements if one.hit], goal)
 
 
 def _alarms(name: str, judgements: Sequence[Judgement], kind: str) -> ControlFigure:
-    return _share(name, "", [one.false_alarm for one in judgements if one.kind == kind and one.hit])
+    return _share(name, "", [(one.fabric, one.false_alarm) for one in judgements if one.kind == kind and one.hit])
 
 
 def _share(
-    name: str, level: str, counted: Sequence[bool], goal: Literal["", "at least", "at most"] = ""
+    name: str, level: str, counted: Sequence[tuple[str, bool]], goal: Literal["", "at least", "at most"] = ""
 ) -> ControlFigure:
-    from scipy.stats import binomtest
-
-    count, cases = sum(counted), len(counted)
+    """The share of cases, each given with its fabric, that count."""
+    count, cases = sum(counts for _, counts in counted), len(counted)
     if not cases:
         return ControlFigure(name, level, 0, 0, nan, nan, nan)
-    interval = binomtest(count, cases).proportion_ci(0.95, "wilson")
     value = count / cases
+    low, high = _wilson(value, cases / max(_design_effect(counted), 1.0))
     words, good = {
         "": ("", True),
         "at least": (f">= {100 * LEAST_HITS:g} %", value >= LEAST_HITS),
         "at most": (f"<= {100 * MOST_REJECTED:g} %", value <= MOST_REJECTED),
     }[goal]
     reached = "" if not goal else "yes" if good else "no"
-    return ControlFigure(name, level, count, cases, value, float(interval.low), float(interval.high), words, reached)
+    return ControlFigure(name, level, count, cases, value, low, high, words, reached)
+
+
+def _design_effect(counted: Sequence[tuple[str, bool]]) -> float:
+    """Variance of the share by the scatter between fabrics, over that of as many independent cases."""
+    fabrics: dict[str, list[bool]] = {}
+    for fabric, counts in counted:
+        fabrics.setdefault(fabric, []).append(counts)
+    cases, number = len(counted), len(fabrics)
+    share = sum(counts for _, counts in counted) / cases
+    if share in (0.0, 1.0) or not 1 < number < cases:
+        return 1.0
+    squares = sum((sum(one) - share * len(one)) ** 2 for one in fabrics.values())
+    return number / (number - 1) * squares / (cases * share * (1 - share))
+
+
+def _wilson(share: float, cases: float) -> tuple[float, float]:
+    """95 % interval of a share of so many cases, which need not be a whole number."""
+    z = NormalDist().inv_cdf(0.975)
+    middle = share + z * z / (2 * cases)
+    half = z * sqrt(share * (1 - share) / cases + (z / (2 * cases)) ** 2)
+    whole = 1 + z * z / cases
+    return max(0.0, (middle - half) / whole), min(1.0, (middle + half) / whole)

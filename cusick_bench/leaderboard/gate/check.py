@@ -9,7 +9,7 @@ but not judged.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan, nan
+from math import isinf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
 from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, holm
 from cusick_bench.leaderboard.metric_name import GATED, NO_METRIC
 from cusick_bench.leaderboard.order import Direction, direction
+
+_BLIND = "values scatter too much: hardly any change would be found"
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,8 @@ class Finding:
     Attributes:
         solver: Solver.
         metric: Metric, or "cells" where cells are missing or failed.
-        verdict: "regression", "unchanged" (no regression was found), "undecided" (too few cells, or none in common) or
-            "new".
+        verdict: "regression", "unchanged" (no regression was found), "undecided" (too few cells, none in common, or no
+            change that would be found in four of five cases) or "new".
         detail: What there is to say, "" where the numbers say it.
         before: Mean over cloths of the compared cells in the baseline.
         after: The same now.
@@ -326,7 +328,9 @@ def _judged(findings: Sequence[Finding], gate: Gate) -> Iterator[Finding]:
             worse = p <= gate.level and (test is None or max(test.ratio.value, test.change) >= least)
             if worse and test is not None and test.ratio.value < least:
                 detail = f"x {test.change:.3g} by the mean change; the ratio is that of a few values near 0"
-            yield replace(finding, p=p, verdict="regression" if worse else "unchanged", detail=detail)
+            blind = not worse and test is not None and isinf(test.detectable)
+            verdict = "regression" if worse else "undecided" if blind else "unchanged"
+            yield replace(finding, p=p, verdict=verdict, detail=detail or (_BLIND if blind else ""))
 
 
 def _notes(findings: Sequence[Finding], gate: Gate) -> Iterator[str]:

@@ -10,10 +10,11 @@ a relative change, which has either sign equally often if nothing has changed. T
 these cloths. The number that is shown is the ratio after / before, its geometric mean over cloths: a value that is ten
 times as large is "x 10", where d would be 1.6.
 
-Two tests, chosen by the number of cells and never by their values. With many: the labels "before" and "after" are
-permuted within each cloth (for a shared seed: their sign flipped), which is exact whatever the noise. With so few that
-permutations cannot reach the level after correction for all comparisons: Student's t over the paired changes, each
-cloth counting alike however many of them it has.
+Two tests, chosen by the numbers of cells and comparisons and never by values. With many cells: the labels "before" and
+"after" are permuted within each cloth (for a shared seed: their sign flipped), which is exact whatever the noise. With
+so few that permutations cannot reach the level after correction for all comparisons, or with so many comparisons that
+`PERMUTATIONS` random ones cannot: Student's t over the paired changes, each cloth counting alike however many of them
+it has.
 
 References:
     B. Phipson, G. K. Smyth. Permutation p-values should never be zero. Stat. Appl. Genet. Mol. Biol. 9, 2010.
@@ -35,6 +36,7 @@ from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 PERMUTATIONS = 20_000
 POWER = 0.8  # at which a change counts as detectable
 _SPARE = 10  # number of permutations that the test needs, over the least number that can reach the level
+_LEAST = 2.0  # number of random permutations, the run itself among them, that may be as extreme at the level
 _LARGEST = 1e6  # largest ratio that is shown, for values that were 0
 _ROUNDING = 1e-6  # largest relative change by the digits of a baseline and the arithmetic of another machine
 
@@ -137,7 +139,8 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
     units = len(changes)
     observed = _statistic(pairs)
     change = _ratio(observed)
-    if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
+    arrangements = sum(log(block.arrangements) for cloth in pairs.values() for block in cloth)
+    if arrangements >= log(_SPARE / level) and level * (1 + PERMUTATIONS) >= _LEAST:
         null = _permuted(pairs, generator)
         p = (1 + np.count_nonzero(null >= observed - _ROUNDING)) / (1 + PERMUTATIONS)
         freedom = sum(len(block.before) + len(block.after) - 1 for cloth in pairs.values() for block in cloth) - 1

@@ -1,7 +1,7 @@
 """Figures of one method: each with its interval, for each subset of cases.
 
 Shares have Wilson's interval, which does not collapse where all cases went well; all other figures have a percentile
-bootstrap over cases.
+bootstrap over cases. Where all resamples are alike, as of an area of 1, it tells nothing, and there is no interval.
 """
 
 from collections.abc import Sequence
@@ -36,6 +36,7 @@ from cusick_bench.withheld.scoring.subsets import subsets_of
 
 RESAMPLES = 1000
 _DIFFERENT = 2  # cases below which nothing can be resampled
+_ALIKE = 1e-9  # by which figures of equal cases may differ: sums are rounded
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Figure:
         subset: Name of the subset of cases: `all`, a level of severity as `2x`, `>= 2x`, or those of the latter that no
             other effect makes.
         value: The figure; NaN without cases.
-        low, high: Bounds of its 95 % interval.
+        low, high: Bounds of its 95 % interval; NaN where there is none.
         cases: Number of cases that it is taken over; of the area under the curve 0 where nulls or effects are missing.
         goal: What it should be, if anything.
     """
@@ -96,7 +97,9 @@ class _Bootstrap:
         return self.generator.choice(values, size=(self.resamples, len(values)))
 
     def interval(self, drawn: Sequence[float] | Float[ndarray, " resamples"]) -> tuple[float, float]:
-        """95 % interval of a figure, from its values in all samples."""
+        """95 % interval of a figure, from its values in all samples; NaN where these are all alike."""
+        if np.ptp(drawn) <= _ALIKE:
+            return nan, nan
         low, high = np.percentile(drawn, [2.5, 97.5])
         return float(low), float(high)
 

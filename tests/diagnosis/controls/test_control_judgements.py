@@ -6,6 +6,7 @@ from math import nan
 import numpy as np
 import pytest
 from made_up_controls import NOTHING, OFFSET, control, judged, says, some_judgements
+from scipy.stats import binomtest
 
 from cusick_bench.diagnosis.controls.figures import figures
 from cusick_bench.diagnosis.controls.judgement import judge, largest_shift
@@ -112,6 +113,26 @@ class TestTables:
         assert shares["strength of planted effects estimated, named or not", "larger"].cases == 10
         assert "known effects of the data found" not in {name for name, _ in shares}
 
+    def test_fabrics_that_go_well_or_badly_as_a_whole_count_as_few_cases(self):
+        """Where each of k fabrics with n cases has all hits or none, the design effect is n k / (k - 1), by hand."""
+        one = some_judgements()[0]
+
+        def share(hits: list[int], cases: int) -> tuple[float, float]:
+            """Interval of hits by fabric, of so many cases each."""
+            made = [
+                replace(one, fabric=f"fabric_{number}", kind="real", hit="yes" if case < count else "no")
+                for number, count in enumerate(hits)
+                for case in range(cases)
+            ]
+            found = {figure.name: figure for figure in figures(made)}["known effects of the data found"]
+            assert found.value == pytest.approx(np.mean(hits) / cases)
+            return found.low, found.high
+
+        assert share([10, 10, 0, 0], 10) == pytest.approx((0.1253, 0.8747), abs=1e-4)  # Wilson's of 1.5 of 3
+        for hits, cases in (([5, 5, 5, 5], 10), ([1, 1, 0, 0], 1), ([3, 3], 3), ([4], 9)):
+            interval = binomtest(sum(hits), cases * len(hits)).proportion_ci(0.95, "wilson")
+            assert share(hits, cases) == pytest.approx((interval.low, interval.high)), (hits, cases)
+
     def test_a_refusal_is_a_miss_where_the_silhouettes_show_it_and_no_proof_against_false_alarms(self):
         planted = control("planted", {"camera-offset"}, strength="larger", amount=OFFSET)
         more = judge(planted, NOTHING, refused("too few samples"), 9.0)
@@ -134,6 +155,7 @@ class TestTables:
         page = markdown(made, shares, facts)
         assert "| planted effects found | larger | 7 of 10 | 70 % [40, 89] | >= 80 % | no |" in page
         assert page.count("| fabric_1 | trial |") == len(made)
+        assert "of as many cases as the scatter between fabrics leaves" in page
         written = document(made, shares, facts)
         assert written["missed"] == ["planted effects found (>= 80 %)"]
         assert len(written["controls"]) == len(made)
