@@ -1,4 +1,4 @@
-"""The error of every reader."""
+"""The error of every reader, and that of a folder which another process holds."""
 
 from cusick_bench.sim.errors import CusickError
 
@@ -15,3 +15,7 @@ class BadFile(CusickError, ValueError):
     def __init__(self, where: object, what: str, remedy: str) -> None:
         super().__init__(f"{where}: {what}; {remedy}" if remedy else f"{where}: {what}")
         self.where, self.what, self.remedy = str(where), what, remedy
+
+
+class FolderInUse(CusickError):
+    """Another process is writing into a folder."""

@@ -11,6 +11,7 @@ from typing import Any
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.impossible import require_possible, require_readable
 from cusick_bench.datasets.splits import left_out_sample
+from cusick_bench.files.folder_lock import locked
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
@@ -21,7 +22,7 @@ from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.results import Results
 from cusick_bench.runner.source import Source, load_once, load_planned
-from cusick_bench.runner.store import RESULT_FILE, Store, disk_errors, locked, read_json, write_json
+from cusick_bench.runner.store import RESULT_FILE, Store, disk_errors, read_json, write_json
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 

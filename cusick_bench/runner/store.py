@@ -23,15 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.folder_lock import lock, locked
 from cusick_bench.files.json_file import MOST_JSON_BYTES
 from cusick_bench.files.json_text import json_text
 from cusick_bench.files.plain_names import part_of, parts_left
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
-
-try:
-    import fcntl
-except ImportError:  # Windows: two runs of one cell at the same time are not noticed there
-    fcntl = None
 
 _log = logging.getLogger(__name__)
 
@@ -48,7 +44,6 @@ MARKED = (CELL_FILE, "trace.jsonl", PREDICTION_FILE, RESULT_FILE)
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 _FATAL = {*_FULL, errno.EACCES, errno.EPERM, errno.EIO}
-_NO_LOCKS = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP}  # of file systems without `flock`, as Lustre may be mounted
 
 
 def ends_grid(error: OSError, out: Path) -> bool:
@@ -88,40 +83,6 @@ def disk_errors(out: Path) -> Iterator[None]:
         ) from error
 
 
-def _lock(file: int, operation: int) -> bool:
-    """Locks an open file; False where its file system has no locks, and it is written without, as on Windows."""
-    assert fcntl is not None
-    try:
-        fcntl.flock(file, operation)
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            raise
-        _log.debug("no locks here (%s): runners of one cell do not notice each other", error.strerror)
-        return False
-    return True
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Whoever reads and writes a file of a folder that others write, too, waits here for them.
-
-    Args:
-        folder: The folder; nothing is written into it for that.
-
-    Yields:
-        Nothing; the folder is held within the `with` block, or until the process ends.
-    """
-    if fcntl is None:
-        yield
-        return
-    lock = os.open(folder, 0)
-    try:
-        _lock(lock, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(lock)
-
-
 def write_atomically(path: Path, content: bytes) -> None:
     """Writes a file so that after a crash it is either there in full or as it was before.
 
@@ -136,12 +97,32 @@ def write_atomically(path: Path, content: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(part, path)
-    except OSError as error:  # such as a full disk
+    except BaseException as error:  # such as a full disk, or Ctrl-C
         with suppress(OSError):
             part.unlink()
-        error.filename = str(path)
+        if isinstance(error, OSError):
+            error.filename = str(path)
         raise
     _log.debug("wrote %s", path)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Adds a line to a file that others may add lines to, too; once this returns, a crash does not lose it.
+
+    A last line that a crash or a full disk has cut off makes way for it.
+
+    Args:
+        path: File; it and its folder are made where they are missing.
+        line: The line, without its end.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with locked(path.parent), path.open("a+b") as file:
+        file.seek(0)
+        lines = file.read()
+        file.truncate(lines.rfind(b"\n") + 1)
+        file.write(f"{line}\n".encode())
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def write_json(path: Path, document: dict[str, Any]) -> None:
@@ -322,13 +303,11 @@ class Store:
         """
         folder = self.folder(key)
         folder.mkdir(parents=True, exist_ok=True)
-        with (folder / "lock").open("a") as lock:
-            alone = True
-            if fcntl is not None:
-                try:
-                    alone = _lock(lock.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except BlockingIOError as error:
-                    raise CellIsRunning(f"another process is running {folder}; wait for it or stop it") from error
+        with (folder / "lock").open("a") as file:
+            try:
+                alone = lock(file.fileno(), wait=False)
+            except BlockingIOError as error:
+                raise CellIsRunning(f"another process is running {folder}; wait for it or stop it") from error
             for part in parts_left(folder) if alone else ():
                 part.unlink()
             if fault := self.fault(key):

@@ -69,6 +69,19 @@ class TestRuns:
         with pytest.raises(BenchmarkError, match="line 1 is no finished run"):
             file.read()
 
+    def test_a_line_of_another_process_is_neither_glued_to_one_cut_off_nor_lost(self, tmp_path):
+        """One that a full disk has stopped left half a line; the other goes on, and the first is begun again."""
+        file, going_on = RunFile(tmp_path), RunFile(tmp_path)
+        file.keep(finished("sobol", -2.0))
+        with file.path.open("a") as stream:
+            stream.write('{"function": "hartm')
+        before = file.path.read_bytes()
+        assert len(file.read()) == 1
+        assert file.path.read_bytes() == before, "what is only read may be the line that another one is writing"
+        going_on.keep(finished("sobol", -2.1, run=1))
+        file.keep(finished("sobol", -2.2, run=2))
+        assert [run.best for run in file.read()] == [-2.0, -2.1, -2.2]
+
 
 class TestTable:
     def test_what_differs_is_said_with_its_sign(self):

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from verified_runs import SOLVERS, change_arrays, change_json, folder_of, grid, mark_again
 
 from cusick_bench.cli import app
+from cusick_bench.cli.results import verify as verify_page
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.learning_curve import learning_splits
@@ -349,6 +350,35 @@ class TestCommand:
         assert result.exit_code == 130
         assert "interrupted: 1 cell of 4" in " ".join(result.stderr.split())
         assert set(json.loads((copy / "verified.json").read_text())) == {first.name}
+
+    def test_a_kill_loses_no_more_than_the_last_minute(self, copy, data, monkeypatch):
+        kept: list[set[str]] = []
+
+        def looked_at(folder, *given, **options):
+            path = copy / "verified.json"
+            kept.append(set(json.loads(path.read_text())) if path.exists() else set())
+            return verify_cell(folder, *given, **options)
+
+        monkeypatch.setattr(verify, "verify_cell", looked_at)
+        words = ["verify", str(copy), "--data", str(data), "--solver", "null:disc", "--solver", "oracle:best-other"]
+        for every, first in ((60.0, 0), (0.0, 1)):
+            monkeypatch.setattr(verify_page, "_KEPT_EVERY", every)
+            (copy / "verified.json").unlink(missing_ok=True)
+            assert CliRunner().invoke(app, words).exit_code == 0
+            assert list(map(len, kept[-2:])) == [0, first]
+
+    def test_a_cell_that_is_changed_while_others_are_looked_at_is_not_verified(self, copy, data, monkeypatch):
+        folder = folder_of(copy, "null:disc")
+
+        def changed(looked_at, *given, **options):
+            found = verify_cell(looked_at, *given, **options)
+            change_json(folder / "result.json", lambda result: result["metrics"].update(test_mse=0.01))
+            return found
+
+        monkeypatch.setattr(verify, "verify_cell", changed)
+        result = CliRunner().invoke(app, ["verify", str(copy), "--data", str(data), "--solver", "null:disc"])
+        assert result.exit_code == 0, result.output
+        assert verified_keys(copy) == set()
 
     def test_an_interruption_in_the_first_cell_writes_nothing(self, copy, data, monkeypatch):
         def interrupted(*given, **options):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cusick_bench.files.errors import FolderInUse
 from cusick_bench.photographs.preparation.whole_folder import free, whole_folder
 
 NAMES = ("data", "table")
@@ -63,6 +64,19 @@ def test_an_error_leaves_nothing(out):
     with pytest.raises(KeyboardInterrupt):
         _write(out, fail=True)
     assert _paths(out.parent) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+def test_a_second_process_is_refused_and_takes_nothing_away(out):
+    """It would remove what the first one has written so far, and the folder would appear without it."""
+    before = _paths(out)
+    with whole_folder(out, NAMES) as part:
+        (part / "data").mkdir()
+        (part / "data" / "one").write_text("1")
+        with pytest.raises(FolderInUse, match="another process is writing into"):
+            _write(out)
+        (part / "table").write_text("2")
+    assert _paths(out) == sorted([*before, "data", "data/one", "table"])
 
 
 @pytest.mark.parametrize("move", [1, 2])

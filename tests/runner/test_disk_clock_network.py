@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets import load
+from cusick_bench.files.plain_names import part_of
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Source, Store, plan, run, run_cell
-from cusick_bench.runner.store import disk_errors, ends_grid
+from cusick_bench.runner.store import disk_errors, ends_grid, write_atomically
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.registry import solver_class
 
@@ -180,6 +181,36 @@ def test_two_runners_on_one_folder_finish_the_grid_once(data, undisturbed, tmp_p
     assert _numbers(tmp_path / "out") == undisturbed
 
 
+def test_an_interruption_leaves_the_file_of_before_and_nothing_half_written(tmp_path, monkeypatch):
+    path = tmp_path / "table.csv"
+    write_atomically(path, b"before")
+
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(path, b"after")
+    assert path.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+def test_without_locks_nothing_that_another_process_may_be_writing_is_removed(tmp_path, monkeypatch):
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    part = part_of(tmp_path / "cells" / "key" / "result.json")
+    part.parent.mkdir(parents=True)
+    part.write_bytes(b"half")
+    with Store(tmp_path).claimed("key"):
+        assert part.exists()
+    monkeypatch.undo()
+    with Store(tmp_path).claimed("key"):
+        assert not part.exists()
+
+
 def test_a_file_that_may_not_grow_is_the_disks_fault(tmp_path):
     with pytest.raises(Exception, match="finished cells are kept"), disk_errors(tmp_path):
         raise OSError(errno.EFBIG, "File too large")
@@ -190,6 +221,7 @@ def test_a_file_of_the_solvers_own_is_no_fault_of_the_disk(tmp_path):
     assert not ends_grid(PermissionError(errno.EACCES, "Permission denied", elsewhere), tmp_path)
     assert not ends_grid(FileNotFoundError(errno.ENOENT, "No such file", here), tmp_path)
     assert ends_grid(PermissionError(errno.EACCES, "Permission denied", here), tmp_path)
+    assert ends_grid(OSError(errno.EACCES, "Permission denied", elsewhere, None, here), tmp_path), "moved to there"
     assert ends_grid(OSError(errno.EIO, "Input/output error"), tmp_path)
     assert ends_grid(OSError(errno.ENOSPC, "No space left on device", elsewhere), tmp_path)
 

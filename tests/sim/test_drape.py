@@ -127,6 +127,12 @@ def test_projection_leaves_an_admissible_cloth_alone():
     assert torch.equal(found.bending, given.bending)
 
 
+def test_projection_keeps_density_and_poissons_ratio():
+    given = _material(stretch=torch.full((6, 4), -1.0), density=torch.tensor(0.3), poisson=torch.tensor(0.25))
+    found = project_admissible(given)
+    assert (float(found.density), float(found.poisson)) == pytest.approx((0.3, 0.25))
+
+
 def test_projection_refuses_a_gradient_that_it_would_lose():
     given = _material()
     given.stretch.requires_grad_()

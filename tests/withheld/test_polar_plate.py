@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
+from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, PLATE_RADIUS
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.world.laws import material as material_laws
 from cusick_bench.withheld.world.laws.boundary import wavy
 from cusick_bench.withheld.world.polar import band, kernels
-from cusick_bench.withheld.world.polar.cloths import displacement, intervals
+from cusick_bench.withheld.world.polar import drop as drop_module
+from cusick_bench.withheld.world.polar.cloths import PolarCloths, displacement, intervals
 from cusick_bench.withheld.world.polar.drop import PolarPlate, drop, projected, zero_band
 from cusick_bench.withheld.world.polar.grid import Disc, polar_grid
 from cusick_bench.withheld.world.polar.history import LAWS
@@ -30,9 +33,12 @@ def scene(side="up", capture=1, **more):
     return replace(Scene((1, 2), 1, capture, side, capture % 2 == 0), **more)
 
 
+CENTRE = (0.006, -0.004)
+
+
 @pytest.fixture(scope="module")
 def coarse():
-    return polar_grid(3, 12, Disc(CLOTH_RADIUS, PLATE_RADIUS, (0.006, -0.004), (wavy(0.02, 3, 0.4),)))
+    return polar_grid(3, 12, Disc(CLOTH_RADIUS, PLATE_RADIUS, CENTRE, (wavy(0.02, 3, 0.4),)))
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +166,56 @@ def test_points_of_integration_cover_the_cloth_wherever_the_plate_is():
         np.testing.assert_allclose(grid.value.sum(2)[grid.unknowns.min(1) >= 0], 1, atol=1e-12)
 
 
+@pytest.mark.parametrize("by", ["pressures", "accelerations"])
+def test_a_cloth_whose_weight_is_carried_stays_flat(coarse, by):
+    """By a pressure from below of its weight per area, or by what pulls it up as strongly as gravity pulls it down."""
+    places = []
+
+    def carry(at):
+        places.append(at)
+        up = np.zeros_like(at) + np.array([0.0, 0.0, GRAVITY])
+        return np.full(len(at), DENSITY * GRAVITY) if by == "pressures" else up
+
+    def fallen(**loads):
+        plate = PolarPlate(coarse, isotropic(coarse, -5.0, 0.0), DENSITY * coarse.weight, scene(**loads))
+        return drop(plate, np.zeros((coarse.rows * coarse.angular, 3)), 5)[0]
+
+    assert np.abs(fallen()).max() > 1e-3
+    assert np.abs(fallen(**{by: (carry,)})).max() < 1e-12
+    flat = np.column_stack([coarse.points.reshape(-1, 2), np.zeros(coarse.weight.size)])
+    expected = flat if by == "accelerations" else np.tile([0.0, 0.0, 1.0], (len(flat), 1))  # places, or normals
+    np.testing.assert_allclose(places[-1], expected, atol=1e-9)
+
+
+def test_a_cloth_without_stiffness_falls_as_a_stone_in_air(coarse):
+    """Its splines fall at their own speed, but for the plate, which holds the slope: v' = (v - h g) / (1 + h c)."""
+    none = np.zeros((*coarse.weight.shape, 6))
+    limp = replace(isotropic(coarse, -5.0, 0.0), stretch=none, bending=none)
+    u, _ = drop(PolarPlate(coarse, limp, DENSITY * coarse.weight, scene()), np.zeros((48, 3)), 5)
+    speed = way = 0.0
+    for step in range(5):
+        h = 0.02 * 1.03**step
+        speed = (speed - h * GRAVITY) / (1 + 0.8 * h)
+        way += h * speed
+    np.testing.assert_allclose(u, projected(coarse, np.full(coarse.weight.shape, way)), atol=1e-12)
+
+
+def test_the_first_step_is_that_of_implicit_euler(coarse):
+    """(M (1 + h c) + h^2 K) v = h F, from a flat cloth at rest."""
+    material, flat, h = isotropic(coarse, -2.0, 0.0), np.zeros((48, 3)), 0.02
+    u, _ = drop(PolarPlate(coarse, material, DENSITY * coarse.weight, scene()), flat, 1)
+    inertia, stiffness, weight = zero_band(coarse), zero_band(coarse), np.zeros_like(flat)
+    kernels.add_mass(coarse.unknowns, coarse.value, DENSITY * coarse.weight, inertia)
+    elastic(coarse, material, flat, 1.0, stiffness)
+    load = (DENSITY * coarse.weight)[..., None] * np.array([0.0, 0.0, -GRAVITY])
+    kernels.spread(coarse.unknowns, coarse.value, load, weight)
+    inert, stiff = (kernels.times(matrix, u.ravel() / h) for matrix in (inertia, stiffness))
+    assert np.abs(h * h * stiff).max() > 0.01 * np.abs(inert).max()
+    np.testing.assert_allclose(
+        (1 + 0.8 * h) * inert + h * h * stiff, h * weight.ravel(), atol=1e-9 * np.abs(h * weight).max()
+    )
+
+
 def test_splines_reproduce_a_bend_beside_the_axis():
     """A height of x^2 / 2 has the curvature (1, 0, 0) away from the clamp, up to what splines leave."""
     fine = polar_grid(20, 72, Disc(CLOTH_RADIUS, 0.03, (0.006, -0.004), (wavy(0.02, 3, 0.4),)))
@@ -206,6 +262,100 @@ def test_skewed_grain_of_a_quarter_turn_swaps_warp_and_weft(coarse, fabric):
         np.testing.assert_allclose(other, one[..., [3, 1, 4, 0, 2, 5]], atol=1e-9 * one.max())
     bias = material_of(fabric, coarse, scene(skew=(45.0, 45.0))).bending[..., 0]
     assert bias[0, 0] == pytest.approx(float(fabric.material.bending[1, 0]), rel=1e-6)
+
+
+def matrices(tables):
+    """Symmetric matrices from entries 11, 12, 13, 22, 23, 33."""
+    full = np.zeros((*tables.shape[:-1], 3, 3))
+    full[..., *UPPER] = tables
+    return full + np.triu(full, 1).swapaxes(-1, -2)
+
+
+def form(tables, direction):
+    """Twice the energy per area of a strain or curvature of 1 along a direction [deg]."""
+    c, s = unit_vector(direction)
+    along = np.array([c * c, s * s, 2 * c * s])
+    return matrices(tables) @ along @ along
+
+
+def cloth_of(stretch, bending):
+    """A cloth of one table row of C, and of three bending stiffnesses at all curvatures."""
+    rows = torch.tensor(bending, dtype=torch.float64)[:, None].repeat(1, 5)
+    return Material(torch.tensor(stretch, dtype=torch.float64).repeat(6, 1), rows, torch.tensor(DENSITY))
+
+
+def test_the_membrane_is_that_of_the_tables_and_poissons_ratio_that_of_the_fabric(coarse, fabric):
+    """As in the package: C is twice the table, but for the shear stiffness; D12 = nu sqrt(D11 D22)."""
+    one = replace(fabric, material=cloth_of([150.0, 10.0, 60.0, 40.0], [4e-5, 3e-5, 1e-5]), poisson=0.2)
+    found = material_of(one, coarse, scene())
+    np.testing.assert_allclose(matrices(found.stretch)[0, 0], [[300, 20, 0], [20, 120, 0], [0, 0, 40]], atol=1e-9)
+    np.testing.assert_allclose(found.bending[0, 0, 1], 0.2 * 2e-5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("skew", [(0.0, 0.0), (20.0, 20.0), (-10.0, 25.0)])
+def test_yarns_run_askew_counter_clockwise_and_take_what_stretches_them(coarse, fabric, skew):
+    """Without shear stiffness and coupling each yarn is a fibre: its stiffness times cos^4 of the angle to it."""
+    one = replace(fabric, material=cloth_of([150.0, 0.0, 60.0, 0.0], [2e-5, 1e-5, 2e-5]), poisson=0.0)
+    found = material_of(one, coarse, scene(skew=skew))
+    for degrees in (0.0, 20.0, 55.0, 110.0):
+        warp, weft = (unit_vector(degrees) @ unit_vector(yarn) for yarn in (skew[0], 90 + skew[1]))
+        np.testing.assert_allclose(form(found.stretch, degrees), 300 * warp**4 + 120 * weft**4, rtol=1e-9)
+
+
+def test_a_skewed_cloth_bends_along_its_grain_as_the_table_says(coarse, fabric):
+    one = replace(fabric, material=cloth_of([150.0, 0.0, 60.0, 40.0], [2e-5, 1.3e-5, 2e-5]), poisson=0.1)
+    found = material_of(one, coarse, scene(skew=(20.0, 20.0)))
+    for degrees, stiffness in ((20.0, 2e-5), (65.0, 1.3e-5), (110.0, 2e-5), (155.0, 1.3e-5)):
+        np.testing.assert_allclose(form(found.bending, degrees), stiffness, rtol=1e-9)
+
+
+def test_a_cloth_that_has_grown_is_at_rest_at_its_new_length(coarse, fabric):
+    """Green's strain of a stretch l is (l^2 - 1) / 2."""
+    grown = material_of(fabric, coarse, scene(growth=(lambda points: np.full(len(points), np.log(1.1)),)))
+    np.testing.assert_allclose(grown.rest_strain, np.broadcast_to([0.105, 0.105, 0.0], (36, 5, 3)), atol=1e-12)
+
+
+def test_fields_lie_on_the_cloth_wherever_it_lies(coarse, fabric, monkeypatch):
+    """Each is a function of the place in the cloth, whose centre is not the plate's."""
+    at, dropped = coarse.points - np.array(CENTRE), []
+
+    def field(points):
+        return points @ np.array([3.0, -2.0])
+
+    names = dict.fromkeys(("log_bending", "log_stretch", "growth", "log_mass"), (field,))
+    rest = (lambda points: points[:, 0] ** 3,)
+    one = scene(centre=CENTRE, outlines=(wavy(0.02, 3, 0.4),), rest=rest, **names)
+
+    def not_dropped(plate, u, steps):
+        dropped.append(plate)
+        return u, {}
+
+    monkeypatch.setattr("cusick_bench.withheld.world.polar.cloths.drop", not_dropped)
+    PolarCloths(3, 12).drape(fabric, one, 1)
+    (plate,) = dropped
+    plain, found = material_of(fabric, coarse, scene()), plate.material
+    factor = np.exp(field(at))
+    np.testing.assert_allclose(found.bending, plain.bending * factor[..., None], rtol=1e-9)
+    np.testing.assert_allclose(found.stretch, plain.stretch * factor[..., None], rtol=1e-9)
+    np.testing.assert_allclose(1 + 2 * found.rest_strain[..., 0], factor**2, rtol=1e-9)
+    np.testing.assert_allclose(found.rest_curvature[..., 0], 6 * at[..., 0], rtol=0.01, atol=1e-9)
+    np.testing.assert_allclose(plate.mass, float(fabric.material.density) * factor * coarse.weight, rtol=1e-9)
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2**0.5), (0.5, 0.5, 1.0)])
+def test_stiffness_follows_the_curvature_as_the_table_does(coarse, fabric, direction):
+    """A flat cloth that wants a curvature of 10 i per metre, whichever it is, has the stiffness of the i-th column."""
+    material, flat = material_of(fabric, coarse, scene()), np.zeros((coarse.rows * coarse.angular, 3))
+    columns = fabric.material.bending.numpy()[0]
+    assert abs(columns[4] / columns[0] - 1) > 0.05
+    for column in range(5):
+        wanted = 10.0 * column * np.array(direction)
+        bent = replace(material, rest_curvature=np.broadcast_to(wanted, (36, 5, 3)).copy())
+        energy = drop_module._elastic(  # pyright: ignore[reportPrivateUsage]
+            coarse, bent, flat, 0.0, np.zeros_like(flat), zero_band(coarse)
+        )
+        at_rest = 0.5 * matrices(material.bending)[0, 0] @ wanted @ wanted * coarse.weight.sum()
+        assert energy == pytest.approx(at_rest * columns[column] / columns[0], rel=1e-9)
 
 
 def points_of(material, *ways):
@@ -255,3 +405,33 @@ def test_face_and_back_stiffen_as_asked(coarse):
         ((strain, curvature),) = points_of(material, (-600.0, 0.0))
         now = start(material, scene(side)).advance(strain, curvature, material, 0.03)
         assert now.bending[0, 0, 0] / material.bending[0, 0, 0] == pytest.approx(factor, rel=1e-3)
+
+
+def test_creep_and_asymmetry_count_from_the_rest_shape(coarse):
+    """Turned over, the rest shape and what is left of the creep bend the other way."""
+    rest, reached = np.array([4.0, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
+    plain = isotropic(coarse, -5.0, 0.0)
+    up, down = (replace(plain, rest_curvature=plain.rest_curvature + side * rest) for side in (1, -1))
+    still, curvature = np.zeros_like(plain.rest_curvature), plain.rest_curvature + reached
+    (start,) = LAWS["creep"](scene(), {"loss": 0.3}).internal_variables
+    kept = {"Creep": start(up, scene()).carried_over(curvature)}
+    for one, material, gone in ((scene(capture=2), up, 0.95), (scene("down", 3), down, 0.3)):
+        now = start(material, replace(one, carried_over=kept)).advance(still, one.up * curvature, material, 1e-9)
+        expected = one.up * (rest + 0.3 * gone * (reached - rest))
+        np.testing.assert_allclose(now.rest_curvature, np.broadcast_to(expected, still.shape), atol=1e-6)
+    (start,) = LAWS["face-asymmetry"](scene(), {"asymmetry": 0.4}).internal_variables
+    now = start(up, scene()).advance(still, up.rest_curvature, up, 0.03)
+    np.testing.assert_array_equal(now.bending, up.bending)
+
+
+def test_half_of_creep_takes_seconds_and_half_of_it_longer(coarse):
+    """Of a curvature that is held the halves have gone 1 - exp(-t / 3 s) and 1 - exp(-t / 40 s), whatever the steps."""
+    material = isotropic(coarse, -5.0, 0.0)
+    (start,) = LAWS["creep"](scene(), {"loss": 0.3}).internal_variables
+    ((strain, curvature),) = points_of(material, (20.0, 0.0))
+    for steps in (1, 5):
+        law = start(material, scene())
+        for _ in range(steps):
+            now = law.advance(strain, curvature, material, 3.0 / steps)
+        gone = 1 - (np.exp(-1.0) + np.exp(-3 / 40)) / 2
+        np.testing.assert_allclose(now.rest_curvature, 0.3 * gone * curvature, rtol=1e-9)

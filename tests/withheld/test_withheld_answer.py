@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.files import digest
 from cusick_bench.files.digest import file_digest
+from cusick_bench.withheld.answers import blind
 from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_captures, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
 from cusick_bench.withheld.answers.parts import case_part
@@ -124,6 +125,29 @@ def test_the_files_of_a_case_are_read_once_for_their_hash(
     document = answer_suite(small_suite / "cases", tmp_path / "answers.json", SHIPPED, QUICK)
     assert document == read_answers(small_answers)
     assert len(read) == len(set(read)) > 0
+
+
+@pytest.mark.parametrize("changed", ["atlas.npz", "cases/case_0001/fabrics.csv"])
+def test_answers_from_files_that_were_changed_meanwhile_are_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    """As where `atlas calibrate` writes the atlas anew: they would be kept under the hash of the earlier file."""
+    (tmp_path / "cases" / "case_0001").mkdir(parents=True)
+    (tmp_path / "cases" / "case_0001" / "fabrics.csv").touch()
+    shutil.copy(SHIPPED, tmp_path / "atlas.npz")
+    contents = [b"after the first answer", b"", b""]
+
+    def read(_: Path) -> None:
+        with (tmp_path / changed).open("ab") as file:
+            file.write(contents.pop(0))
+        raise WithheldError("no silhouettes")
+
+    monkeypatch.setattr(blind, "case_captures", read)
+    words = tmp_path / "cases", tmp_path / "answers.json", tmp_path / "atlas.npz", QUICK
+    with pytest.raises(WithheldError, match=f"({changed}|case_0001) must stay as it is"):
+        answer_suite(*words)
+    assert not list(tmp_path.rglob("answers.json*"))
+    assert answer_suite(*words).answers["case_0001"].refused == "no silhouettes"
 
 
 def test_other_options_are_other_answers(

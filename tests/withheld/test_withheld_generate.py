@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.files.digest import folder_digest
+from cusick_bench.files.errors import FolderInUse
 from cusick_bench.sim.effects import registered
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.seal import holds, published_files, salt_of, seal, sealed
@@ -95,6 +97,24 @@ def test_a_generation_that_was_stopped_goes_on(made, tmp_path, monkeypatch):
     assert written == ["case_0002"]
     assert sorted(told) == [f"case_000{i}" for i in (1, 2, 3, 4)]
     assert contents(copy) == contents(cases)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+def test_a_second_process_is_refused_while_cases_are_made(tmp_path, monkeypatch):
+    """It would remove the case that the first one is writing, which would then appear with a part of its pictures."""
+    folders, refused = (tmp_path / "cases", tmp_path / "labels"), []
+
+    def write(suite: Suite, plan: design.Plan, out: Path) -> str:
+        with pytest.raises(FolderInUse, match=f"another process is writing into {folders[0]}; wait for it, or stop it"):
+            generate(suite, *folders)
+        refused.append(plan.case)
+        (out / plan.case).mkdir()
+        return plan.case
+
+    monkeypatch.setattr(generate_module, "write_case", write)
+    generate(suite(), *folders)
+    assert len(refused) == 4
+    generate(suite(), *folders)  # and let in afterwards
 
 
 @pytest.mark.parametrize("recorded", [True, False])

@@ -18,7 +18,7 @@ from cusick_bench.withheld.suite.labels import label_of
 from cusick_bench.withheld.world.fields import matern_field
 from cusick_bench.withheld.world.laws import OUTSIDE as OUTSIDE_LAWS
 from cusick_bench.withheld.world.laws import material
-from cusick_bench.withheld.world.photograph import PIXEL, photograph
+from cusick_bench.withheld.world.photograph import PIXEL, photograph, seen_from_above
 from cusick_bench.withheld.world.registry import world_of
 from cusick_bench.withheld.world.scene import Scene, gravity_vector, unit_vector
 from cusick_bench.withheld.world.triangles import contact
@@ -257,6 +257,17 @@ def test_a_tilted_plate_turns_gravity():
         )
 
 
+@pytest.mark.parametrize("side", ["up", "down"])
+def test_what_hangs_plumb_on_a_tilted_plate_is_seen_plumb(side):
+    """The plate's frame, in which gravity is askew, is turned back for the camera; its axis leans downhill."""
+    tilted = law("plate-tilt")(scene(side), {"angle": 10.0, "direction": 30.0})
+    placed_exactly = replace(world_of("paper").fabric_of((5, 1)).variability, shift=0.0, turn=0.0)
+    axis = np.array([0.0, 0.0, 1.0])
+    plumb, leaning = seen_from_above(np.stack([gravity_vector(tilted), axis]), tilted, placed_exactly)
+    np.testing.assert_allclose(plumb, [0, 0, -GRAVITY], atol=1e-12)
+    np.testing.assert_allclose(leaning[:2], np.sin(np.radians(10)) * unit_vector(30.0), atol=1e-12)
+
+
 def test_skewed_grain_of_a_quarter_turn_swaps_warp_and_weft():
     systems = SceneSystems(150, 5, "paper")
     plain = systems.system_of(scene()).elements
@@ -343,6 +354,42 @@ def test_plate_and_cloth_are_where_and_as_large_as_labels_say():
     heavier = law("density-bias")(scene(), {"bias": 0.2}).log_mass[0](np.zeros((1, 2)))
     assert np.exp(heavier[0]) == pytest.approx(1.2, abs=0.06)
     assert sum(law("grain-skew")(scene(), {"angle": 5.0}).skew) / 2 == pytest.approx(5)
+
+
+def test_effects_of_no_list_are_as_large_and_lie_where_their_parameters_say():
+    seam = law("seam")(scene(), {"size": 1.0, "direction": 30.0, "offset": 0.05})
+    on_it = 0.05 * unit_vector(120.0) + np.array([[-0.08], [0.0], [0.1]]) * unit_vector(30.0)
+    np.testing.assert_allclose(np.exp(seam.log_bending[0](on_it)), 6.0)
+    np.testing.assert_allclose(np.exp(seam.log_mass[0](on_it)), 2.0)
+    np.testing.assert_allclose(seam.log_bending[0](on_it + 0.02 * unit_vector(120.0)), 0, atol=1e-6)
+    (push,) = law("charge")(scene(), {"share": 0.4}).accelerations
+    rim = CLOTH_RADIUS * unit_vector(70.0)
+    np.testing.assert_allclose(push(np.array([[*rim, -0.03]]))[0], [*(0.4 * GRAVITY * unit_vector(70.0)), 0])
+    (longer,) = law("frilled")(scene(), {"growth": 0.03}).growth
+    np.testing.assert_allclose(longer(np.array([rim, 0.5 * rim])), [0.03, 0.03 / 64])
+    (outline,) = law("elliptical-cut")(scene(), {"elongation": 0.02, "direction": 40.0}).outlines
+    np.testing.assert_allclose(outline(np.radians([40.0, 130.0, 220.0])), [1.02, 0.98, 1.02])
+    (ridge,) = law("crease-ring")(scene(), {"angle": 20.0, "radius": 0.12}).rest
+    inside, top, outside = ridge(np.outer([0.118, 0.12, 0.122], unit_vector(70.0)))
+    turned = np.degrees(np.arctan((top - inside) / 0.002) + np.arctan((top - outside) / 0.002))
+    assert turned == pytest.approx(20.0)
+
+
+def test_a_smear_runs_along_its_direction():
+    """Of a small disc: the spread grows by that of a line of the length, along 30 degrees and not across."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    disc = np.column_stack([0.02 * np.cos(angle), 0.02 * np.sin(angle), 0 * angle])
+    faces = np.column_stack([np.zeros(60, int), 1 + np.arange(60), 1 + np.roll(np.arange(60), -1)])
+    spreads = []
+    for one in (scene(noise=0.0), law("smear")(scene(noise=0.0), {"length": 24.0, "direction": 30.0})):
+        shade = 1 - photograph(np.vstack([np.zeros(3), disc]), faces, one) / 255.0
+        y, x = np.mgrid[:256, :256] - 127.5
+        places = np.stack([x.ravel(), -y.ravel()])
+        spreads.append(np.cov(places, aweights=shade.ravel(), ddof=0))
+    along, across = unit_vector(30.0), unit_vector(120.0)
+    more = spreads[1] - spreads[0]
+    assert along @ more @ along == pytest.approx(24.0**2 / 12 * 10 / 8, rel=0.02)  # nine exposures, ends included
+    assert abs(across @ more @ across) < 1
 
 
 def test_labels_say_where_a_hem_is():

@@ -32,7 +32,7 @@ from cusick_bench.benchmark.optimisers.runs import (
 )
 from cusick_bench.files import parse_json, read_text
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.runner.store import write_atomically
+from cusick_bench.runner.store import append_line, write_atomically
 
 _MOST_BYTES = 64 << 20
 _FINISHED = TypeAdapter(Finished)
@@ -77,7 +77,7 @@ class RunFile:
             return []
         names, found = {field.name for field in fields(Finished)}, []
         remedy = "delete it, or choose another --out"
-        *lines, last = read_text(self.path, most_bytes=_MOST_BYTES, remedy=remedy).split("\n")
+        *lines, _ = read_text(self.path, most_bytes=_MOST_BYTES, remedy=remedy).split("\n")
         for number, line in enumerate(lines, start=1):
             try:
                 record = parse_json(line, self.path, remedy=remedy)
@@ -91,8 +91,6 @@ class RunFile:
                     f"{self.path}, line {number} is no finished run ({error}); delete it, or choose another --out"
                 ) from error
             found.append(run)
-        if last:
-            write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
         once = {(run.function, run.dimension, run.evaluations, run.method, run.seed, run.run): run for run in found}
         known = [run for run in once.values() if run.method in METHODS and run.function in FUNCTIONS]
         return [run for run in known if run.numerics == run_numerics(run.function, run.method)]
@@ -103,9 +101,7 @@ class RunFile:
         Args:
             run: The finished run.
         """
-        self.out.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(run)) + "\n")
+        append_line(self.path, json.dumps(asdict(run)))
 
 
 def table_rows(runs: Iterable[Finished]) -> list[dict[str, Any]]:

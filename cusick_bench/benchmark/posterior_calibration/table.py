@@ -24,7 +24,7 @@ from cusick_bench.benchmark.posterior_calibration.calibration import (
 from cusick_bench.files import parse_json, read_text
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.runner.environment import code_text, environment
-from cusick_bench.runner.store import write_atomically
+from cusick_bench.runner.store import append_line, write_atomically
 
 _MOST_BYTES = 64 << 20
 _FIT = TypeAdapter(CalibrationFit)
@@ -60,10 +60,8 @@ class FitFile:
         """
         if not self.path.exists():
             return {}
-        *lines, last = read_text(self.path, most_bytes=_MOST_BYTES, remedy=_REMEDY).split("\n")
+        *lines, _ = read_text(self.path, most_bytes=_MOST_BYTES, remedy=_REMEDY).split("\n")
         found = [self._read_line(line, number) for number, line in enumerate(lines, start=1)]
-        if last:
-            write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
         numerics = plan_numerics(plan)
         return {one.number: one for one in found if one.numerics == numerics and one.number < plan.fits}
 
@@ -73,9 +71,7 @@ class FitFile:
         Args:
             fit: The fit.
         """
-        self.out.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(fit)) + "\n")
+        append_line(self.path, json.dumps(asdict(fit)))
 
     def write_table(
         self, rows: Sequence[dict[str, Any]], plans: Sequence[CalibrationPlan], command: str = ""

@@ -98,6 +98,8 @@ def diagnose_controls(
     over = {one.fabric for one in judgements}
     if over:
         tell(f"going on with {out}, which has {', '.join(sorted(over))}")
+    elif out.exists():
+        tell(f"{out} is of other options, data, atlas or code; it is replaced when the first fabric is ready")
     kept = interruptible(
         lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written", go_on=True
     )
@@ -121,6 +123,7 @@ def diagnose_controls(
             f"repeated captures, meshes or (halves) {LEAST_SAMPLES} samples that are not there; leave --control "
             "out, or name other fabrics"
         )
+    _write(out, judgements, facts)  # both files again: a kill may have come between them
     tell(f"wrote {out} and {out.with_suffix('.md')}")
     _print(judgements, facts, as_json)
 

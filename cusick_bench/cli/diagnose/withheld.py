@@ -23,6 +23,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.world.registry import DEFAULT, WORLDS
 
@@ -108,7 +109,7 @@ def generate_suite(
     severities = tuple(multiples or MULTIPLES)
     asked = Suite(_seed(seed, labels), counts, size, samples, table, world, severities)  # pyright: ignore[reportArgumentType]
     kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
-    with progress_bar("cases", sum(counts.values())) as bar, kept:
+    with progress_bar("cases", sum(counts.values())) as bar, kept, folder_made(out):
         made = generate(asked, out, labels, workers=workers, step=lambda case: bar.advance())
     if as_json:
         print_json({"cases": [str(case) for case in made], "commitment": out / COMMITMENT, "labels": labels / LABELS})

@@ -220,8 +220,9 @@ def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":
 
 def _write_stiffness(out: Path, dataset: "DrapeDataset") -> None:
     """The stiffness of all finished cells of the folder, whoever ran them."""
+    from cusick_bench.files.folder_lock import locked
     from cusick_bench.leaderboard import LeaderboardError, load_cells, stiffness_csv
-    from cusick_bench.runner.store import CELL_FILE, RESULT_FILE, locked, write_atomically
+    from cusick_bench.runner.store import CELL_FILE, RESULT_FILE, write_atomically
 
     with locked(out):  # or what was read before another command's cells had ended could be written after its own table
         try:

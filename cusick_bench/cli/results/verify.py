@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from cusick_bench.leaderboard.verification.verify import Verification
 
 
+_KEPT_EVERY = 60.0  # [s] after which what was found is written, for a kill loses what was not
 _STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
 
 app = typer.Typer()
@@ -82,10 +84,14 @@ def verify_command(
     verifications, simulators = [unreadable(cell) for cell in damaged], Simulators()
     kept = interruptible(lambda: _kept(len(verifications), len(table) + len(damaged), run / VERIFIED))
     with kept, folder_made(run), progress_bar("cells", len(table)) as bar:
+        due = monotonic() + _KEPT_EVERY
         try:
             for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
                 bar.begin(f"{name} on {where}")
                 verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))
+                if monotonic() >= due:
+                    keep(run, verifications)
+                    due = monotonic() + _KEPT_EVERY
         finally:
             if verifications:
                 keep(run, verifications)

@@ -1,8 +1,8 @@
 """Points of an atlas: one file for the drapes of one fabric with one effect, and all of them read together."""
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.files.shell_word import shell_word
 from cusick_bench.runner.numerics import drape_numerics, raised_versions
+from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 
 DESIGN_FILE = "design.json"
@@ -104,10 +105,9 @@ def write_point(
         radii: Silhouettes of every sample and side in the cloth's frame [m]; NaN where a drape failed.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(f".{os.getpid()}.tmp")
-    with open(partial, "wb") as file:
-        np.savez(file, value=value, radii=radii.astype(np.float32), code=np.array(code_of_point(path.stem)))
-    partial.replace(path)
+    content = BytesIO()
+    np.savez(content, value=value, radii=radii.astype(np.float32), code=np.array(code_of_point(path.stem)))
+    write_atomically(path, content.getvalue())
 
 
 def read_point(path: Path) -> Point:

@@ -8,6 +8,7 @@ import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from cusick_bench.diagnosis.measure.own_outlines import DEPTH_MISMATCH, UNDONE
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
+from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 
 _LARGEST = 1 << 26  # [bytes]
@@ -129,11 +131,10 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
         "calibration": asdict(calibration),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".tmp")
     single: dict[str, Any] = {name: value.astype(np.float32) for name, value in arrays.items()}
-    with open(partial, "wb") as file:
-        np.savez_compressed(file, about=np.array(json.dumps(about)), **single)
-    partial.replace(path)
+    content = BytesIO()
+    np.savez_compressed(content, about=np.array(json.dumps(about)), **single)
+    write_atomically(path, content.getvalue())
 
 
 def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:

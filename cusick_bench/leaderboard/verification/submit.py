@@ -20,6 +20,7 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
+from cusick_bench.files.folder_lock import locked
 from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, of_board
 from cusick_bench.leaderboard.cells.commands import command_record, machine, typed
 from cusick_bench.leaderboard.cells.loading import Cells
@@ -29,7 +30,7 @@ from cusick_bench.leaderboard.formats import record
 from cusick_bench.leaderboard.verification.tracks import require_fit
 from cusick_bench.leaderboard.verification.verify import verified_keys
 from cusick_bench.runner.labels import unspaced
-from cusick_bench.runner.store import locked, write_atomically
+from cusick_bench.runner.store import write_atomically
 
 _TRACK = re.compile(r"[a-z0-9][a-z0-9-]*")
 _LEFT_OUT = ("_mean", "_iqm")

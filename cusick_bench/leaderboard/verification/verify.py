@@ -11,8 +11,8 @@ The outcome is kept in `verified.json` of the results folder, with hashes of the
 import json
 import logging
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from typing import Any
 from cusick_bench import metrics
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import PROTOCOLS
+from cusick_bench.files.folder_lock import locked
 from cusick_bench.leaderboard.cells.loading import Skipped
 from cusick_bench.leaderboard.learning_curve import learning_splits, samples_of_split
 from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks, stiffness_checks
@@ -40,7 +41,6 @@ from cusick_bench.runner.store import (
     RESULT_FILE,
     Store,
     file_digests,
-    locked,
     read_json,
     write_json,
 )
@@ -67,6 +67,7 @@ class Verification:
         status: "verified", "rescored" (metrics hold, but nothing could be simulated again), "differs" or "unreadable".
         checks: What was compared.
         notes: Remarks for readers.
+        files: SHA-256 of the files that were looked at, by name; empty where the cell's record cannot be believed.
     """
 
     key: str
@@ -76,6 +77,7 @@ class Verification:
     status: str
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def broken(self) -> list[Check]:
@@ -117,8 +119,9 @@ def verify_cell(
     """
     record: dict[str, Any] = {}
     try:
+        files = file_digests(folder, _FILES)  # before they are read: what is changed from now on is not verified
         record = read_record(folder)
-        return _verified(folder, record, dataset, redrawn, seed, simulators)
+        return replace(_verified(folder, record, dataset, redrawn, seed, simulators), files=files)
     except MemoryError:
         raise
     except (Exception, SystemExit) as error:  # a solver or an effect of another package may raise anything
@@ -153,7 +156,7 @@ def keep(run: Path, verifications: list[Verification]) -> None:
     found = {
         verification.key: verification.record()
         | {
-            "files": file_digests(run / "cells" / verification.key, _FILES),
+            "files": dict(verification.files),
             "code": code_state(),
             "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }

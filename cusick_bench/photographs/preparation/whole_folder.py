@@ -6,6 +6,8 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from cusick_bench.files.folder_lock import locked
+
 _PART = ".part"
 
 
@@ -39,25 +41,32 @@ def whole_folder(out: Path, names: Collection[str]) -> Iterator[Path]:
 
     Yields:
         The temporary folder, empty.
+
+    Raises:
+        FolderInUse: Another process is writing it.
     """
     exists, whole = out.exists(), out.absolute()
     beside, inside = whole.with_name(f".{whole.name}{_PART}"), whole / _PART
-    part = inside if exists else beside
-    _remove(*([whole / name for name in names] if inside.exists() else []), beside, inside)  # what a crash has left
-    part.mkdir(parents=True)
-    moved: list[Path] = []
-    try:
-        yield part
-        if not exists:
-            os.replace(part, whole)
-            return
-        for path in sorted(part.iterdir()):
-            moved.append(whole / path.name)
-            os.replace(path, moved[-1])
-        part.rmdir()
-    except BaseException:
-        _remove(*moved, part)
-        raise
+    part, half_moved = inside if exists else beside, inside.exists()
+    if exists and beside.exists():
+        with locked(beside, wait=False):
+            _remove(beside)  # what a crash has left
+    part.mkdir(parents=True, exist_ok=True)
+    with locked(part, wait=False):
+        _remove(*([whole / name for name in names] if half_moved else []), *part.iterdir())  # what a crash has left
+        moved: list[Path] = []
+        try:
+            yield part
+            if not exists:
+                os.replace(part, whole)
+                return
+            for path in sorted(part.iterdir()):
+                moved.append(whole / path.name)
+                os.replace(path, moved[-1])
+            part.rmdir()
+        except BaseException:
+            _remove(*moved, part)
+            raise
 
 
 def _remove(*paths: Path) -> None:

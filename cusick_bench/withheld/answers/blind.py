@@ -28,7 +28,7 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
-from cusick_bench.withheld.answers.parts import PARTS, answer_numerics, case_part
+from cusick_bench.withheld.answers.parts import PARTS, answer_numerics, case_part, require_unchanged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object
@@ -142,7 +142,7 @@ def answer_each(
         WithheldError: Seals beside the cases that cannot be read, or a case with other files than the sealed ones.
         DiagnosisError: An atlas that cannot be used.
     """
-    seals, files = _seals_of(asked), _files_of(asked)
+    seals, files, atlas_sha256 = _seals_of(asked), _files_of(asked), file_digest(atlas)
     parts = {
         folder: case_part(out, folder.name, files[folder.name], atlas, options) for folder, options in asked.items()
     }
@@ -151,14 +151,14 @@ def answer_each(
         if part.exists():
             step(folder.name)
         else:
-            todo.append(_Task(folder, asked[folder], part))
+            todo.append(_Task(folder, asked[folder], part, files[folder.name], atlas_sha256))
     _answer_tasks(todo, atlas, workers, step)
     answers = {folder.name: read_answer(read_object(part), str(part)) for folder, part in parts.items()}
     more: dict[str, Any] = {} if leave_out is None else {"leave_out": leave_out}
     more |= {"seals": seals} if seals else {}
     document = AnswersDocument(
         code_version=version_text(answer_numerics()),
-        atlas_sha256=file_digest(atlas),
+        atlas_sha256=atlas_sha256,
         files=files,
         answers=answers,
         **more,
@@ -219,11 +219,13 @@ def _refused(reason: str) -> stated.Answer:
 
 @dataclass(frozen=True)
 class _Task:
-    """A case to answer, how, and the file for the answer."""
+    """A case to answer, how, the file for the answer, and the hashes of what that is named by."""
 
     folder: Path
     options: Options
     part: Path
+    files: str
+    atlas_sha256: str
 
 
 def _answer_tasks(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str], None]) -> None:
@@ -252,6 +254,7 @@ def _answer_in_worker(task: _Task, atlas: Path) -> None:
 
 def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators) -> None:
     found = answer_case(task.folder, atlas, task.options, simulators)
+    require_unchanged(task.folder, task.files, atlas, task.atlas_sha256)
     task.part.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(task.part, json.dumps(found.content()).encode())
 

@@ -15,11 +15,12 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
+from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of
+from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of, require_unchanged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number
@@ -74,7 +75,7 @@ def oracle_closures(
     Raises:
         WithheldError: Labels of another suite than the cases, or a label without all parameters of its effects.
     """
-    files = require_labels_of(cases, labels)
+    files, atlas_sha256 = require_labels_of(cases, labels), file_digest(atlas)
     truth = {case: truth_of(label) for case, label in labels.items()}
     asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and case in files]
     for case in asked:
@@ -84,6 +85,7 @@ def oracle_closures(
     return gather(
         out, parts, lambda case: (oracle_closure, cases / case, labels[case], atlas, draping),
         read=read_oracle_closures, write=_write, workers=workers, step=step,
+        check=lambda case: require_unchanged(cases / case, files[case], atlas, atlas_sha256),
     )  # fmt: skip
 
 

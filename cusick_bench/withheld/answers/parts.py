@@ -37,6 +37,7 @@ def gather(
     *,
     read: Callable[[Path], dict[str, Found]],
     write: Callable[[Path, dict[str, Found]], None],
+    check: Callable[[str], None],
     workers: int,
     step: Callable[[str], None],
 ) -> dict[str, Found]:
@@ -48,6 +49,7 @@ def gather(
         work: A function that finds it in a process of its own, with its arguments.
         read: Reads a file of either kind.
         write: Writes one.
+        check: Raises an error where a case is no longer what its part is named by (`require_unchanged`).
         workers: Number of processes.
         step: Called with the name of every case that is done.
 
@@ -65,6 +67,7 @@ def gather(
         for future in as_completed(futures):
             case = futures[future]
             found[case] = future.result()
+            check(case)
             parts[case].parent.mkdir(parents=True, exist_ok=True)
             write(parts[case], {case: found[case]})
             write(out, found)
@@ -110,6 +113,26 @@ def case_part(out: Path, case: str, files: str, atlas: Path, *options: object) -
     found_from = [numerics_text(answer_numerics()), file_digest(atlas), files, *map(str, options)]
     fingerprint = hashlib.sha256(" ".join(found_from).encode()).hexdigest()[:16]
     return out.with_name(out.name + PARTS) / fingerprint / f"{case}.json"
+
+
+def require_unchanged(folder: Path, files: str, atlas: Path, atlas_sha256: str) -> None:
+    """Makes sure that what was found of a case is of the files that its part is named by, before it is kept.
+
+    Args:
+        folder: Folder of the case.
+        files: SHA-256 of its files when the work began.
+        atlas: Fitted atlas.
+        atlas_sha256: Its SHA-256 when the work began.
+
+    Raises:
+        WithheldError: The case or the atlas was changed meanwhile.
+    """
+    for path, began, now in ((folder, files, folder_digest(folder)), (atlas, atlas_sha256, file_digest(atlas))):
+        if began != now:
+            raise WithheldError(
+                f"{path} must stay as it is while cases are answered, but has changed; what was found of {folder.name} "
+                "is not kept; repeat the command, which answers from the present files"
+            )
 
 
 def answer_numerics() -> dict[str, int]:

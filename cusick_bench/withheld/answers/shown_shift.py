@@ -41,11 +41,12 @@ from cusick_bench.diagnosis.inference.residuals.residual import Residual, agains
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.single_effects.evidence import Grid, grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
+from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.processes import one_thread
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of
+from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of, require_unchanged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number, broken_rule
@@ -127,7 +128,7 @@ def measure_shown_shifts(
     Raises:
         WithheldError: Labels or cases of another suite, cases by other code, or a twin that cannot be draped.
     """
-    files = require_labels_of(cases, labels)
+    files, atlas_sha256 = require_labels_of(cases, labels), file_digest(atlas)
     todo = [plan for plan in suite.plans() if plan.causes and (cases / plan.case).is_dir()]
     for plan in todo:
         if plan.case not in labels or labels[plan.case].unsealed() != label_of(plan).content():
@@ -139,6 +140,7 @@ def measure_shown_shifts(
     return gather(
         out, parts, lambda case: (_beside_twin, suite, plans[case], cases, atlas),
         read=read_shown_shifts, write=_write, workers=workers, step=step,
+        check=lambda case: require_unchanged(cases / case, files[case], atlas, atlas_sha256),
     )  # fmt: skip
 
 

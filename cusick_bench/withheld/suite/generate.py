@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from cusick_bench.files.digest import folder_digest
+from cusick_bench.files.folder_lock import locked
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import LAWS, drape_numerics
 from cusick_bench.runner.processes import one_thread, process_pool
@@ -134,8 +135,15 @@ def generate(
     Raises:
         WithheldError: Folders within each other, or that hold another suite or cases by other code, or a case that
             cannot be made.
+        FolderInUse: Another process is making cases there: both would write into one case.
     """
     _check_folders(out, labels)
+    out.mkdir(parents=True, exist_ok=True)
+    with locked(out, wait=False):
+        return _generate(suite, out, labels, workers, step)
+
+
+def _generate(suite: Suite, out: Path, labels: Path, workers: int, step: Callable[[str], None]) -> list[Path]:
     plans = suite.plans()
     missing = [plan for plan in plans if not (out / plan.case).is_dir()]
     if missing:

@@ -1,5 +1,7 @@
 """The atlas: features, fits, the file that holds it, and the drapes that it is made of."""
 
+import errno
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -69,6 +71,25 @@ def test_atlas_is_kept_to_single_precision(emulator: Emulator, tmp_path: Path) -
     np.testing.assert_allclose(again.mean(THETA), emulator.mean(THETA), rtol=1e-5)
     np.testing.assert_allclose(again.discrepancy, 0.2 * emulator.discrepancy, rtol=1e-5)
     assert again.responses.keys() == emulator.responses.keys()
+
+
+def test_a_full_disk_leaves_the_atlas_of_before_and_a_file_of_the_same_stem(
+    emulator: Emulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "atlas.tmp").write_text("mine")
+    save(tmp_path / "atlas.npz", emulator, Calibration(1.1, 7))
+    there = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert there["atlas.tmp"] == b"mine"
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        save(tmp_path / "atlas.npz", emulator, Calibration(1.2, 7))
+    with pytest.raises(OSError, match="No space left"):
+        write_point(tmp_path / "base.npz", np.zeros(0), np.zeros((1, 2, 3)))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == there
 
 
 def test_effects_of_a_package_that_is_not_here_are_named(emulator: Emulator, tmp_path: Path) -> None:

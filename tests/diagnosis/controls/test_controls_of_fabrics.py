@@ -42,6 +42,27 @@ class TestCommand:
         fabrics = [one["fabric"] for one in json.loads(again.stdout)["controls"]]
         assert fabrics == ["fabric_1"] * len(some_judgements()) + ["fabric_2"] * len(some_judgements())
 
+    def test_a_page_that_a_kill_left_behind_its_table_is_written_again(self, tmp_path, monkeypatch):
+        found = [replace(one, fabric=CLOTH) for one in some_judgements()]
+        monkeypatch.setattr(run, "controlled", lambda *_, **__: found)
+        out = tmp_path / "controls.csv"
+        asked = ["diagnose-controls", "synthetic", "--fabric", CLOTH, "--out", str(out)]
+        assert CliRunner().invoke(app, asked).exit_code == 0
+        page = out.with_suffix(".md").read_text()
+        out.with_suffix(".md").unlink()
+        again = CliRunner().invoke(app, asked)
+        assert again.exit_code == 0, again.output
+        assert out.with_suffix(".md").read_text() == page
+
+    def test_a_table_of_other_options_is_not_replaced_without_a_word(self, tmp_path, monkeypatch):
+        found = [replace(one, fabric=CLOTH) for one in some_judgements()]
+        monkeypatch.setattr(run, "controlled", lambda *_, **__: found)
+        asked = ["diagnose-controls", "synthetic", "--fabric", CLOTH, "--out", str(tmp_path / "controls.csv")]
+        for more, told in (([], False), ([], False), (["--seed", "1"], True)):
+            done = CliRunner().invoke(app, [*asked, *more])
+            assert done.exit_code == 0, done.output
+            assert ("is of other options, data, atlas or code" in " ".join(done.stderr.split())) == told
+
     def test_other_data_of_the_same_name_are_controlled_anew(self, tmp_path, monkeypatch):
         done, data = [], write_laboratory(tmp_path / "lab", RELEASE, samples=6)
 

@@ -175,6 +175,24 @@ def test_an_effect_changes_the_drape_as_under_law_paper(name):
     assert 0.5 < changes[1] / changes[0] < 2.0
 
 
+def test_poissons_ratio_reaches_every_drape():
+    """Alone, beside a cloth with tables of its own for every element, and in a drop with history."""
+    base = _setup(steps=4)
+    ratio = replace(base, material=replace(base.material, poisson=torch.tensor(0.6, dtype=torch.float64)))
+    simulator = DrapeSimulator(MESH, base.settings)
+    without, expected = (
+        simulator.drape(one.material, initial=one.initial(), rest_angle=one.rest_angle()).vertices
+        for one in (base, ratio)
+    )
+    assert float((expected - without).abs().max()) > 1e-5
+    uneven, hardly_creeping = parse("local-stiff-patch").apply(ratio), parse("creep:loss=1e-9").apply(ratio)
+    found, _, crept = drape_setups([ratio, uneven, hardly_creeping])
+    assert found is not None
+    assert crept is not None
+    for shape in (found, crept):
+        torch.testing.assert_close(shape, expected, rtol=0, atol=1e-9)
+
+
 def _projected(shape: torch.Tensor) -> float:
     x, y = shape[torch.from_numpy(MESH.boundary), :2].T.numpy()
     return 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
