@@ -64,7 +64,7 @@ def population(
     places = {name: place.tolist() for name, place in found.places.items()}
     document = {"law": law.value, "vertices": vertices, **document, "places": places, "levels": levels}
     if out is not None:
-        found.expected.save(out / "expected_statistics.npz")
+        write_atomically(out / "expected_statistics.npz", found.expected.npz())
         _write(document, out)
     if as_json:
         print_json(document)

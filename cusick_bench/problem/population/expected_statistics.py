@@ -17,6 +17,7 @@ References:
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -98,13 +99,11 @@ class ExpectedStatistics:
         sd = np.exp(_few(self._place(leading)) @ self.log_sd)
         return self.correlation * sd[:, :, None] * sd[:, None, :]
 
-    def save(self, path: Path) -> None:
-        """Writes an .npz file.
-
-        Args:
-            path: The file.
-        """
-        np.savez_compressed(path, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+    def npz(self) -> bytes:
+        """Content of an .npz file."""
+        content = BytesIO()
+        np.savez_compressed(content, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+        return content.getvalue()
 
     def _place(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths leading"]:
         return _place(leading, self.low, self.high)
