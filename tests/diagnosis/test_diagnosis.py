@@ -7,12 +7,16 @@ import pytest
 from atlas_fabrics import simulated_captures
 
 from cusick_bench.datasets import load
+from cusick_bench.diagnosis import data_set
 from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
+from cusick_bench.diagnosis.data_set import DataSetDiagnosis
 from cusick_bench.diagnosis.diagnose import Options, _exchanges, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.model import DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError, Refused
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory, SharedEffect
 from cusick_bench.diagnosis.inference.sets.shared_causes import SharedCauses
 from cusick_bench.diagnosis.inference.single_effects.evidence import (
     NONE,
@@ -23,6 +27,7 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.inference.single_effects.next_measurement import TURN_OVER
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.setup import Simulators
 
 
 @pytest.mark.slow
@@ -137,3 +142,28 @@ def test_the_likeliest_other_of_each_group_is_simulated_in_its_place(emulator: E
     found = _exchanges(twice, causes, best, acting)
     assert found == {"camera-offset": known["off-centre"], "creep": known["cut-size"]}, "nothing acts twice"
     assert _exchanges((("rim-stiffening", "creep"),), causes, best, acting) == {}
+
+
+@pytest.mark.parametrize("probability", [0.9, 0.3])
+def test_every_fabric_is_diagnosed_with_what_all_of_them_show(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch, probability: float
+) -> None:
+    """Where it is likely enough to be named, so that no fabric has its answer without the others."""
+    given: list[SharedCauses] = []
+
+    def refuse(*data: object, shared: SharedCauses, **named: object) -> None:
+        given.append(shared)
+        raise Refused("not today")
+
+    monkeypatch.setattr(data_set, "diagnose", refuse)
+    scale = Candidate(next(one for one in hypotheses(emulator) if one.name == "camera-scale"), {"error": 0.02})
+    found = Laboratory(("a", "b"), (SharedEffect("camera-scale", probability, scale, {}, {}),), {})
+    captures = read_captures(load("synthetic"), "fabric_2")
+    made = DataSetDiagnosis(
+        {"a": captures, "b": captures}, emulator, Calibration(), Options(samples=0), found, Simulators()
+    )
+    one = made.document("b", command="")
+    assert (one.fabric, one.verdict, one.refused) == ("b", "refused", "not today")
+    assert [shared.causes for shared in given] == [(scale,) if probability > 0.5 else ()]
+    assert list(made.together("b")) == (["a", "b"] if probability > 0.5 else ["b"])
+    assert list(replace(made, laboratory=None).together("b")) == ["b"]

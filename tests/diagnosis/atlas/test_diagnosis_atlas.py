@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas import drapes
-from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD
+from cusick_bench.diagnosis.atlas.base_model import DENSITY, LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
+from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
 from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.emulator import Emulator
@@ -27,12 +28,68 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesi
 from cusick_bench.diagnosis.measure.features import SPREADS, features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.files import BadFile
+from cusick_bench.metrics.stiffness import BENDING_ROWS
 from cusick_bench.sim import engine
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
 from cusick_bench.sim.effects import Parameter, Values, registered
 from cusick_bench.sim.effects.imaging.camera_scale import CameraScale
-from cusick_bench.sim.setup import Setup
+from cusick_bench.sim.setup import Field, Setup
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
+
+
+def setups_with(samples: int, **numbers: float) -> list[Setup]:
+    """Samples of the prior's mean cloth with some other numbers, always of the same random numbers."""
+    theta = PRIOR_MEAN.copy()
+    for name, value in numbers.items():
+        theta[PARAMETERS.index(name)] = value
+    return BaseModel(60).samples(theta, samples, (8,))
+
+
+def heights(field: Field | None, stretched: float = 1.0) -> ndarray:
+    """Values of a field all over the cloth, or over one that is so many times as large."""
+    assert field is not None
+    places = np.random.default_rng(5).uniform(-CLOTH_RADIUS, CLOTH_RADIUS, (400, 2))
+    return field(torch.from_numpy(stretched * places)).numpy()
+
+
+def test_the_mean_cloth_is_as_stiff_as_its_numbers_say() -> None:
+    one = setups_with(1, bending=-6.5, anisotropy=0.7, bias=-0.3, growth=0.4, shear=4.0)[0]
+    weight = DENSITY * GRAVITY
+    warp, weft, bias = (one.material.bending.numpy()[BENDING_ROWS[name]] for name in ("warp", "weft", "bias"))
+    mean = np.sqrt(warp * weft)
+    assert np.log(mean[0] / (weight * CLOTH_RADIUS**3)) == pytest.approx(-6.5)
+    np.testing.assert_allclose(np.log(weft / warp), 0.7)
+    np.testing.assert_allclose(np.log(bias / mean), -0.3)
+    for direction in (warp, weft, bias):
+        assert np.log(direction[-1] / direction[0]) == pytest.approx(0.4), "sharply bent over hardly bent"
+    assert np.log(one.material.stretch.numpy()[0, 3] / (weight * CLOTH_RADIUS)) == pytest.approx(4.0)
+
+
+def test_samples_are_laid_and_curl_and_differ_as_their_numbers_say() -> None:
+    """What a sample is born with stays when it is turned over; each face is laid anew."""
+    made = setups_with(30, laying=-1.0, rest=0.5, between=0.6)
+    assert [one.side for one in made] == ["up", "down"] * 30
+    up, down = made[0::2], made[1::2]
+    laid = np.array([[heights(one.laying) for one in face] for face in (up, down)])
+    rest = np.array([[heights(one.rest) for one in face] for face in (up, down)])
+    level = np.array([[heights(one.log_bending[1]) for one in face] for face in (up, down)])
+    assert laid.std() == pytest.approx(1e-3 * np.exp(-1.0), rel=0.15)  # a little less, as it is nowhere too steep
+    assert abs(np.corrcoef(laid[0].ravel(), laid[1].ravel())[0, 1]) < 0.2
+    assert rest.std() == pytest.approx(3e-4 * np.exp(0.5), rel=0.15)
+    np.testing.assert_array_equal(rest[0], rest[1])
+    np.testing.assert_array_equal(level[0], level[1])
+    assert np.ptp(level, axis=2).max() == 0, "the same all over the sample"
+    assert level[0, :, 0].std() == pytest.approx(0.1 * np.exp(0.6), rel=0.35)
+    assert abs(level[0, :, 0].mean()) < 0.1
+
+
+def test_a_laid_shape_is_longer_by_its_number_and_never_too_steep() -> None:
+    short, long = (setups_with(1, laying=-1.0, length=length)[0] for length in (0.0, np.log(2.0)))
+    before, after = heights(short.laying), heights(long.laying, 2.0)
+    assert np.corrcoef(before, after)[0, 1] == pytest.approx(1.0), "the same shape, of twice the length"
+    steep = [heights(one.laying) for one in setups_with(12, laying=3.0, length=0.0)]
+    assert 0.2 < np.std(steep) / 0.02 < 0.3, "20 mm of undulations 20 mm long would be"
 
 
 def test_features_of_known_numbers() -> None:

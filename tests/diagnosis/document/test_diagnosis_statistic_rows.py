@@ -11,7 +11,7 @@ from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Diagnosis, diagnose
-from cusick_bench.diagnosis.document.build import answer, document
+from cusick_bench.diagnosis.document.build import answer, document, with_effect
 from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
@@ -129,6 +129,7 @@ def test_a_document_states_every_number_of_its_diagnosis_in_its_place(
 ) -> None:
     captures, found = diagnosed
     captures = captures.select((captures.side == "up") | (captures.sample == 1))
+    captures = captures.select((captures.sample != 2) | (captures.capture == 1))  # of which one picture is left
     hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
     cause, interval = Candidate(hypothesis, {"error": 0.03}), {"camera-scale": {"error": (0.01, 0.05)}}
     gap = Gap(0.5, 0.1, {"size": 0.4}, {"size": 0.2}, 0.6, (0.3, 0.8), 0.25)
@@ -155,3 +156,13 @@ def test_a_document_states_every_number_of_its_diagnosis_in_its_place(
     faces = [int((captures.side == side).sum()) for side in ("up", "down")]
     assert faces[0] > faces[1] > 0
     assert (made.data.up, made.data.down, made.data.captures) == (*faces, sum(faces))
+    assert made.data.samples == len(set(captures.sample.tolist()))
+    assert made.data.later == made.data.samples, "the second of each face: two of sample 1, one of each other but 2"
+    assert made.fit.base == pytest.approx(np.mean(found.plain.white**2))
+
+
+def test_what_was_found_of_captures_numbered_backwards_is_simulated_forwards(emulator: Emulator) -> None:
+    """A loss of the other sign stands for the other order; a camera's scale may be too small by itself."""
+    known = {one.name: one for one in hypotheses(emulator)}
+    assert with_effect(Candidate(known["creep"], {"loss": -0.2}), 0.8) == "creep:loss=0.2"
+    assert with_effect(Candidate(known["camera-scale"], {"error": -0.02}), 0.8) == "camera-scale:error=-0.02"

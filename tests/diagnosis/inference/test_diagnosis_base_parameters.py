@@ -5,17 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from atlas_fabrics import THETA, drawn_fabric, fabric_of, residual_of
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import Refused
-from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
+from cusick_bench.diagnosis.inference.detectability import power
+from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features, needed
 from cusick_bench.diagnosis.inference.findings.detection import detection_statistic
 from cusick_bench.diagnosis.inference.residuals.feature_rows import SPREAD, faces_of
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.residuals.residual import against_base
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.set_model import SetModel
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import features
@@ -60,6 +64,24 @@ def test_what_a_stiffer_cloth_explains_is_not_detectable(emulator: Emulator, det
     moved = shifts(emulator, hypothesis, THETA, seen.sd, seen.drift, value).features
     means = np.linalg.norm(faces_of(moved[0]) * np.sqrt(12))
     assert means > 8 * np.linalg.norm(seen.whiten(moved))  # most of the shift is the base parameters' own
+
+
+def test_an_effect_needs_the_size_that_a_test_of_its_level_finds_in_four_of_five_fabrics(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a test whose power is known: the sum of squares is noncentral chi squared for any direction."""
+    rows: list[int] = []
+
+    def squares(model: SetModel, white: np.ndarray) -> np.ndarray:
+        rows.append(white.shape[1])
+        return (white**2).sum(1)
+
+    monkeypatch.setattr(power, "detection_statistic", squares)
+    found = needed(emulator, Calibration(), np.random.default_rng(0), draws=1500)
+    limit = chi2.ppf(0.95, rows[0])
+    size = brentq(lambda size: ncx2.sf(limit, rows[0], size**2) - 0.8, 3.0, 8.0)
+    assert len(found) > 10
+    assert list(found.values()) == pytest.approx([size] * len(found), abs=0.3)
 
 
 def test_a_density_does_not_hang_on_the_units_of_the_rows(emulator: Emulator) -> None:

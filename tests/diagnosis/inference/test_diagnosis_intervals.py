@@ -107,3 +107,17 @@ def test_directions_of_a_face_that_lies_down_are_those_on_the_bench() -> None:
     assert down["direction"] == pytest.approx((30 - 0.9 * 7.5, 30 + 0.9 * 7.5))
     both = point_intervals(points, np.arange(2 * count), weight, best)
     assert both["direction"][1] - both["direction"][0] > 90
+
+
+@pytest.mark.parametrize(
+    ("warp", "single", "stated"), [(np.pi, 1, 150), (0.0, 1, 330), (np.pi, -1, 30), (np.pi, 0, 30)]
+)
+def test_a_direction_in_the_cloth_is_seen_on_the_bench_as_it_was_turned_over(
+    warp: float, single: int, stated: float
+) -> None:
+    """About y 30 degrees of a cloth face down are seen at 150, about x at -30; where both faces are known they stay."""
+    offset = Hypothesis(effect("camera-offset"), "cloth", 0.2)
+    shown = FacesShown(single, warp)
+    assert shown.stated(offset, {"shift": 1.0, "direction": 30.0}) == pytest.approx({"shift": 1.0, "direction": stated})
+    moved = shown.on_the_bench(Candidate(offset, {"shift": 1.0, "direction": 30.0}))
+    assert (moved.hypothesis.frame, moved.value["direction"]) == ("lab" if single else "cloth", pytest.approx(stated))

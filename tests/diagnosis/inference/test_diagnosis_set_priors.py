@@ -50,8 +50,9 @@ def model_of(seed: int, **settings: float) -> SetModel:
 
 
 def sets_of(model: SetModel) -> FabricSets:
-    rows = np.ones(ROWS, dtype=bool)
-    residual = Residual(PRIOR_MEAN, np.diag(PRIOR_SD**2), rows, np.ones(ROWS), model.white, np.eye(ROWS), 0.5)
+    count = len(model.white)
+    rows, unit = np.ones(count, dtype=bool), np.eye(count)
+    residual = Residual(PRIOR_MEAN, np.diag(PRIOR_SD**2), rows, np.ones(count), model.white, unit, 0.5)
     posterior = SetPosterior({}, {}, {}, (), np.zeros(len(model.points)), 0.0)
     return FabricSets(residual, model, posterior)
 
@@ -175,3 +176,38 @@ def test_share_that_a_set_explains_leaves_out_noise_and_what_a_base_model_may_ge
         assert explained(left) == pytest.approx(1)
     beyond = np.sqrt((taken + 2) / 2)  # with it, what is left beyond noise is as much as what is taken
     assert explained(np.array([beyond, -1.0, 1.0, 0.0, 0.0, 0.0])) == pytest.approx(0.5)
+
+
+def p_of(sets: FabricSets, left: np.ndarray, variance: np.ndarray, tangent: np.ndarray) -> float:
+    """p-value of a set that leaves a residual."""
+    return novelty(sets, NamedSet((), variance, left, tangent), np.random.default_rng(0)).p
+
+
+def test_what_the_sets_own_parameters_could_change_is_nothing_new() -> None:
+    """However far it lies along them, in units of what laws leave open; what lies across is as new as ever."""
+    sets, none = sets_of(model_of(0)), np.zeros((0, ROWS))
+    variance = np.array([8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    along, across = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    assert p_of(sets, 20 * along, variance, none) < 0.01
+    assert p_of(sets, 20 * along, variance, along[None]) > 0.9
+    assert p_of(sets, 20 * across, variance, along[None]) < 0.01
+
+
+def test_what_lies_where_effects_move_the_rows_is_looked_at_by_itself() -> None:
+    """Too much in ten of 40 rows and too little in the others is as much as chance leaves in all of them."""
+    rows, moved = 40, 10
+    points = points_of(0)
+    spread_out = np.random.default_rng(2).standard_normal((5 * len(points), moved))
+    every = np.arange(len(spread_out)) % len(points)
+    shift = np.zeros((len(every), rows))
+    shift[:, :moved] = spread_out
+    many = EffectPoints(
+        NAMES, points.grids, points.effect[every], points.grid[every], points.row[every], shift, 0 * shift,
+        points.log_prior[every],
+    )  # fmt: skip
+    misfit = Misfit(np.eye(rows), (rows, 0, 0, 0), np.zeros(0))
+    sets = sets_of(SetModel(np.zeros(rows), misfit, many, 5))
+    among, beside = (np.where(np.isin(np.arange(rows), own), 2.0, 0.5) for own in (range(moved), range(moved, 20)))
+    nothing = np.zeros(rows)
+    assert p_of(sets, among, nothing, np.zeros((0, rows))) < 0.01
+    assert p_of(sets, beside, nothing, np.zeros((0, rows))) > 0.1

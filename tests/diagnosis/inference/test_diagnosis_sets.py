@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.atlas.store import (
     Calibration,
 )
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
-from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
+from cusick_bench.diagnosis.inference.findings.budget import Budget, _parts, budget
 from cusick_bench.diagnosis.inference.findings.evened import evened_out, evened_weights
 from cusick_bench.diagnosis.inference.findings.intervals import parameter_intervals
 from cusick_bench.diagnosis.inference.findings.novelty import Novelty, novelty
@@ -266,6 +266,48 @@ def test_shares_of_the_budget_add_up(emulator: Emulator, three: tuple[FabricData
     total = sum(one.value for one in found.effects.values()) + found.unexplained.value
     assert total == pytest.approx(1)
     assert found.unexplained.interval[0] <= found.unexplained.value <= found.unexplained.interval[1]
+
+
+@pytest.mark.parametrize("fitted", [1.8, 1.0, 0.5])
+def test_shares_are_those_of_samples_that_severities_were_not_fitted_to(emulator: Emulator, fitted: float) -> None:
+    """With m times the shift that unseen samples have, an effect explains 1 - (1 - m)^2 of theirs."""
+    fabric, causes = planted(emulator, ("face-asymmetry",))
+    theta = PRIOR_MEAN.copy()
+    theta[0] = -6.0
+    at, name = fabric.against(start=theta, fixed=True), causes[0].hypothesis.effect.severity.name
+    root, sd = np.linalg.cholesky(emulator.correlation), emulator.sd(theta)
+    scatter = (np.random.default_rng(0).standard_normal((8, len(root))) @ root.T).reshape(8, 2, -1) * sd
+    scatter = np.concatenate([scatter - scatter.mean(0)] * 2)
+
+    def moved_by(times: float) -> np.ndarray:
+        stronger = replace(causes[0], value={name: times * causes[0].value[name]})
+        return faces_of(fabric.shift([stronger], at)) * at.sd
+
+    shown = np.repeat([moved_by(fitted), moved_by(1.0)], 8, axis=0)
+    samples = SampleStatistics(emulator.mean(theta) + scatter + shown, np.full((16, len(NAMES)), np.nan), 0.5)
+    parts = _parts(fabric, at, samples, causes, np.arange(8), np.arange(8, 16))
+    assert parts is not None
+    multiple = np.linalg.norm(moved_by(fitted) / at.sd) / np.linalg.norm(moved_by(1.0) / at.sd)
+    assert parts[0] / parts.sum() == pytest.approx(1 - (1 - multiple) ** 2, abs=0.1)
+
+
+@pytest.mark.parametrize("inflation", [1.0, 2.0])
+def test_what_is_known_to_act_leaves_a_fabric_as_it_is_without(emulator: Emulator, inflation: float) -> None:
+    """In units of a noise that is larger by the calibration's factor, as all that is compared with it."""
+    plain, shown = (planted(emulator, names)[0] for names in ((), ("camera-offset",)))
+    (offset,) = planted(emulator, ("camera-offset",))[1]
+    theta, calibration = PRIOR_MEAN.copy(), Calibration(inflation=inflation)
+    theta[0] = -6.0
+    without = plain.against(start=theta, fixed=True)
+    fabric = replace(shown, calibration=calibration)
+    at = fabric.against(start=theta, fixed=True)
+    model = fabric.model(at)
+    more = fabric.shared_shift([offset], at, model.misfit)
+    assert more is not None
+    assert np.linalg.norm(more.shift) > 5 / inflation
+    left = np.linalg.norm(model.white - more.shift)
+    assert left == pytest.approx(np.linalg.norm(without.white) / inflation, abs=0.01 * np.linalg.norm(more.shift))
+    assert fabric.shared_shift([], at, model.misfit) is None
 
 
 def test_splits_with_hardly_any_gap_do_not_decide_the_shares(

@@ -11,7 +11,7 @@ from cusick_bench.diagnosis.inference.findings.detection import detection_p_valu
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.misfit import ANY_PRIOR, ANY_SIZES, MISFIT_PRIOR, MISFIT_SIZES, Misfit
 from cusick_bench.diagnosis.inference.sets.set_model import COUNT_PRIOR, SetModel
-from cusick_bench.diagnosis.inference.sets.set_sampler import sample_sets
+from cusick_bench.diagnosis.inference.sets.set_sampler import conditional, sample_sets
 from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 
 MISFIT = Misfit(np.eye(4), (1, 1, 0, 2), np.array([0.5, 1.5]))
@@ -80,6 +80,23 @@ def test_sampled_sets_have_their_probabilities():
     assert found.best == max(probability, key=lambda chosen: probability[chosen])
     assert {*found.leading} == {"one", "other", NONE, UNKNOWN}
     assert sum(found.leading.values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("others", [[], [0], [2], [0, 2]])
+def test_what_accounts_for_most_is_the_largest_shift_or_something_unlisted_that_is_larger(others: list[int]):
+    given, size = conditional(model(), others), np.linalg.norm(POINTS.shift, axis=1)
+    expected = dict.fromkeys((*POINTS.names, NONE, UNKNOWN), 0.0)
+    for option, probability in enumerate(given.options):
+        chosen = [*others, *([option] if option < len(POINTS) else [])]
+        most = max(chosen, key=lambda point: size[point], default=None)
+        left, variance = WHITE - POINTS.shift[chosen].sum(0), 1 + POINTS.variance[chosen].sum(0)
+        sizes = zip(ANY_SIZES, ANY_PRIOR, strict=True)
+        beyond = np.array([np.log(p) + log_density(left[:2], variance[:2] + t**2) for t, p in sizes])
+        larger = ANY_SIZES * np.sqrt(2) > (0.0 if most is None else size[most])  # over both forbidden rows
+        unlisted = np.exp(beyond - logsumexp(beyond))[larger].sum()
+        expected[UNKNOWN] += probability * unlisted
+        expected[NONE if most is None else POINTS.name(most)] += probability * (1 - unlisted)
+    assert given.leading == pytest.approx(list(expected.values()))
 
 
 def test_the_detection_statistic_is_the_evidence_for_anything_over_that_for_nothing():

@@ -9,6 +9,7 @@ from toy_cloths import draw
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile, profile_from_image
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics
 from cusick_bench.diagnosis.measure.captures import ANGLES, captures_from_profiles
 from cusick_bench.diagnosis.measure.statistics import (
     GROUPS,
@@ -228,6 +229,17 @@ def test_specimens_and_their_contrasts():
     assert statistic(table.order_odd, "mean_radius")[:2] == pytest.approx([0.0, 0.003], abs=1e-12)
     assert np.isnan(table.order_odd[2]).all()
     assert statistic(table.mean[table.count > 0], "mean_radius") == pytest.approx([0.121, 0.127, 0.334 / 3, 0.13])
+
+
+def test_samples_know_their_share_of_later_captures_and_take_an_unknown_face_for_a_missing_upper_one():
+    size = np.array([0.120, 0.121, 0.122, 0.130, 0.110, 0.140, 0.115, 0.117])
+    sample = [1, 1, 1, 1, 2, 2, 3, 3]
+    side = ["up", "up", "up", "down", "up", "", "", ""]
+    found = sample_statistics(fabric(np.tile(size[:, None], ANGLES), sample, side, [1, 2, 3, 4, 1, 2, 1, 2]))
+    assert statistic(found.specimens, "mean_radius")[:, 0] == pytest.approx([0.121, 0.110, 0.116])
+    assert statistic(found.specimens, "mean_radius")[0, 1] == pytest.approx(0.130)
+    assert np.isnan(found.specimens[1:, 1]).all()
+    assert found.later == pytest.approx((2 / 3 + 0 + 1 / 2) / 3), "two of three, none of one, one of two"
 
 
 def test_what_belongs_to_the_camera_repeats_in_its_frame():

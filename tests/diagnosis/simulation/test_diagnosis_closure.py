@@ -15,8 +15,9 @@ from cusick_bench.diagnosis.inference.residuals.residual import against_base
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
+from cusick_bench.diagnosis.measure.captures import captures_from_profiles
 from cusick_bench.diagnosis.measure.gap import Fold, fit_of
-from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 from cusick_bench.diagnosis.simulation import closure
 from cusick_bench.diagnosis.simulation.closure import Draping, closures
 from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
@@ -321,3 +322,20 @@ def test_pictures_count_by_the_share_of_later_ones(emulator: Emulator, monkeypat
     )
     assert last == pytest.approx(0.9 * first)
     assert mixed == pytest.approx((1 - 0.25 * 0.1) * first)
+
+
+def test_outlines_are_in_the_cameras_frame_and_statistics_in_the_cloths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Discs that a camera sees beside the middle: as statistics of pictures like these are."""
+
+    def beside(setups: Sequence[Setup], simulators: object) -> list[torch.Tensor]:
+        return [torch.as_tensor(one.mesh.flat) + torch.tensor([4e-3, 2e-3, 0.0]) for one in setups]
+
+    monkeypatch.setattr("cusick_bench.diagnosis.simulation.samples.drape_setups", beside)
+    found = simulate(THETA, [], 2, (3,), model=BaseModel(vertices=100))
+    outlines = found.radii.reshape(-1, 360)
+    assert (np.abs(outlines.argmax(1) - 27) <= 20).all(), "towards 27 degrees, on either face"
+    seen = captures_from_profiles(
+        outlines, sample=np.repeat([1, 2], 2), side=["up", "down"] * 2, capture=np.ones(4, dtype=int)
+    )
+    expected = capture_statistics(seen.cloth_frame()).reshape(found.specimens.shape)
+    assert found.specimens == pytest.approx(expected, abs=1e-9)
