@@ -9,8 +9,9 @@ import pandas as pd
 
 from cusick_bench.datasets import named, pairing
 from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.files.entry import NAMED_FACES, Entry
 from cusick_bench.datasets.files.fabrics import Fabric, fabric_key
-from cusick_bench.datasets.files.layout import NAMED_FACES, Entry, Layout
+from cusick_bench.datasets.files.layout import Layout
 from cusick_bench.datasets.files.measure import ImageMeasure, MeshMeasure, content_hash, measure_image, measure_mesh
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile

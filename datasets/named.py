@@ -4,7 +4,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cusick_bench.datasets.files.layout import Entry
+from cusick_bench.datasets.files.entry import Entry
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.pairing import FIT_LIMIT, Assignment, best_turn
 from cusick_bench.datasets.profile import Profile

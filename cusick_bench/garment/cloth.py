@@ -41,7 +41,7 @@ from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.problem.scene import parse_causes
-from cusick_bench.runner.cell import stored_posterior
+from cusick_bench.runner.cell_files import stored_posterior
 from cusick_bench.runner.labels import recorded_settings
 from cusick_bench.runner.store import CELL_FILE, MOST_PREDICTION_BYTES, PREDICTION_FILE
 from cusick_bench.sim.cloth.material import Material, uniform_material

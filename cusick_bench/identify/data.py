@@ -9,8 +9,9 @@ from PIL import Image, UnidentifiedImageError
 from pydantic import ValidationError
 
 from cusick_bench.datasets import REGISTRY
+from cusick_bench.datasets.files.entry import is_image_folder
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
-from cusick_bench.datasets.files.layout import is_hidden, is_image_folder, scan
+from cusick_bench.datasets.files.layout import is_hidden, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.files.digest import digests_below

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names
+    from cusick_bench.leaderboard.board import Leaderboard, leaderboards, metric_names
     from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
     from cusick_bench.leaderboard.cells.loading import Cells, Skipped, load_cells
     from cusick_bench.leaderboard.cells.variants import variants
     from cusick_bench.leaderboard.errors import LeaderboardError
     from cusick_bench.leaderboard.formats import board_table, csv, html_table, latex, markdown, record, terminal
+    from cusick_bench.leaderboard.row import Row
     from cusick_bench.leaderboard.stiffness import (
         StiffnessRow,
         cell_records,
@@ -66,7 +67,7 @@ __getattr__ = lazy_names(
         "Estimate": "bootstrap",
         "Leaderboard": "board",
         "LeaderboardError": "errors",
-        "Row": "board",
+        "Row": "row",
         "Skipped": "cells.loading",
         "StiffnessRow": "stiffness",
         "board_table": "formats",

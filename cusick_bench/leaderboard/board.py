@@ -6,7 +6,6 @@ the oracles have no rank, since they have seen the held-out images that the othe
 lacks a cloth, or the metric of a cloth, since its mean is over an easier or harder set.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
@@ -15,11 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cusick_bench.files.first_names import first_names
 from cusick_bench.leaderboard.bootstrap import (
-    MINIMUM_UNITS,
     STATISTICS,
-    Estimate,
     Statistic,
     Values,
     beside,
@@ -28,71 +24,19 @@ from cusick_bench.leaderboard.bootstrap import (
     estimate,
     repeats,
 )
-from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells.commands import command_record
-from cusick_bench.leaderboard.cells.loading import Cells, Skipped
+from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.plausible import largest
-from cusick_bench.leaderboard.cells.variants import BOARD, Problem, failures, method_label, problems_run, variants
+from cusick_bench.leaderboard.cells.variants import BOARD, failures, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
+from cusick_bench.leaderboard.notes import interval_note, row_notes
 from cusick_bench.leaderboard.order import Direction, direction
+from cusick_bench.leaderboard.row import RANKED_KINDS, Row
 
 RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
-_RANKED = ("solver", "null")
 _MEASURED = ("train_", "test_", "floor_", "spent_")
-_MOST_LEFT_OUT = 20  # cells that are left out and have a note each
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of a leaderboard.
-
-    Attributes:
-        solver: Name with options.
-        variant: What sets it apart from another row of the same name, "" where nothing does.
-        kind: "solver", "null", "oracle" or "floor".
-        rank: 1 for the best; rows that cannot be told apart share it; None without a rank.
-        cells: Number of finished cells.
-        failed: Number of failed cells.
-        cloths: Cloths covered.
-        draws: Silhouettes offered for unseen samples; NaN where cells differ.
-        estimates: Statistic with interval of every metric and every cost.
-        means: Plain means of the same.
-        iqms: Interquartile means of the same.
-        matched_null: Best-of-`draws` MSE of as many random-phase draws; NaN where that is not known.
-        code_version: Versions of the numerics, and commits, that its cells were computed with.
-    """
-
-    solver: str
-    variant: str
-    kind: str
-    rank: int | None
-    cells: int
-    failed: int
-    cloths: tuple[str, ...]
-    draws: float
-    estimates: dict[str, Estimate]
-    means: dict[str, float]
-    iqms: dict[str, float]
-    matched_null: float = nan
-    code_version: str = ""
-
-    @property
-    def label(self) -> str:
-        """Name as it is shown."""
-        return method_label(self.solver, self.variant)
-
-    def value(self, metric: str) -> float:
-        """The statistic of a metric, NaN where the row has none.
-
-        Args:
-            metric: Name of a metric or cost.
-
-        Returns:
-            Its mean or interquartile mean over cells.
-        """
-        return self.estimates[metric].value if metric in self.estimates else nan
 
 
 @dataclass(frozen=True)
@@ -161,11 +105,7 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         unmeasured = {metric: _unmeasured(groups, metric) for metric in metric_names(table)}
         rows = ranking.rows(cells, table, cloths, unmeasured[by])
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        notes = (
-            _interval_note(table),
-            *_seed_notes(rows, groups, cells.skipped),
-            *_notes(cells, rows, cloths, by, unmeasured),
-        )
+        notes = (interval_note(table), *row_notes(rows, groups, cells.skipped, cloths, by, unmeasured))
         run = command_record(cells.run, (folder.name for folder in table["folder"]))
         boards.append(
             Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=run)
@@ -271,7 +211,7 @@ class _Ranking:
     ) -> Iterator[Row]:
         leader, rank, place = None, 0, 0
         for row in rows:
-            whole = row.kind in _RANKED and row.cloths == cloths and isfinite(row.value(self.by))
+            whole = row.kind in RANKED_KINDS and row.cloths == cloths and isfinite(row.value(self.by))
             if not whole or unmeasured[row.solver, row.variant]:
                 yield row
                 continue
@@ -306,92 +246,6 @@ def of_board(table: pd.DataFrame, board: Leaderboard) -> pd.DataFrame:
 def _unmeasured(groups: Mapping[tuple[str, str], pd.DataFrame], metric: str) -> dict[tuple[str, str], list[str]]:
     """Cloths of which a (solver, variant) lacks a metric that another one, whose kind is ranked, has."""
     measured = {key: {cloth for cloth, _ in cell_values(group, metric)} for key, group in groups.items()}
-    known = {cloth for key, own in measured.items() if str(groups[key]["kind"].iloc[0]) in _RANKED for cloth in own}
+    ranked = [key for key, group in groups.items() if str(group["kind"].iloc[0]) in RANKED_KINDS]
+    known = {cloth for key in ranked for cloth in measured[key]}
     return {key: sorted(known - own) for key, own in measured.items()}
-
-
-def _interval_note(table: pd.DataFrame) -> str:
-    """How the intervals of a board were found, as `bootstrap` finds them."""
-    in_turn = any(split_of(number) for number in repeats(table))
-    within = (
-        "of the samples that are left out within each cloth"
-        if in_turn
-        else "of seeds within each cloth, or of cloths where seeds change nothing"
-    )
-    return (
-        f"Intervals of 95 % are found by bootstrap, {within}, and widened for small numbers of them as Student's t is. "
-        "Rows of one rank cannot be told apart: the interval of their paired difference includes 0."
-    )
-
-
-def _seed_notes(
-    rows: Sequence[Row], groups: Mapping[tuple[str, str], pd.DataFrame], skipped: Sequence[Skipped]
-) -> Iterator[str]:
-    """Rows that were not run on all problems of the others, of the cloths that they have."""
-    run = {row.label: problems_run(groups[row.solver, row.variant], skipped) for row in rows if row.kind in _RANKED}
-    known = frozenset[Problem]().union(*run.values())
-    in_turn = any(split_of(number) for _, number in known)
-    for row in rows:
-        lacking = sorted(one for one in known - run.get(row.label, known) if one[0] in row.cloths)
-        named = [
-            f"seed {number % SEEDS} on {cloth}" + (f" split {split_of(number) + 1}" if in_turn else "")
-            for cloth, number in lacking
-        ]
-        if lacking:
-            yield (
-                f"{row.label} lacks {len(lacking)} cell{'s' if len(lacking) > 1 else ''} that other rows have "
-                f"({first_names(named)}); its mean is over other cells than theirs. Run all solvers with the same "
-                "seeds (--seeds)."
-            )
-
-
-def _notes(
-    cells: Cells,
-    rows: tuple[Row, ...],
-    cloths: tuple[str, ...],
-    by: str,
-    unmeasured: Mapping[str, Mapping[tuple[str, str], Sequence[str]]],
-) -> Iterator[str]:
-    if len(cloths) < MINIMUM_UNITS and all(row.cells < MINIMUM_UNITS for row in rows):
-        yield (
-            f"Fewer than {MINIMUM_UNITS} cells a row: no intervals, and all ranks are tied. "
-            "Run more cloths (--cloth) or seeds (--seeds)."
-        )
-    if not any(row.kind == "floor" for row in rows):
-        yield "No floor: these data hold no drape that was captured twice."
-    for row in rows:
-        if row.kind in _RANKED and row.cloths != cloths:
-            yield f"{row.label} has no rank: it lacks {', '.join(sorted(set(cloths) - set(row.cloths)))}."
-        elif row.kind in _RANKED and isfinite(row.value(by)) and (lacking := unmeasured[by][row.solver, row.variant]):
-            yield f"{row.label} has no rank: its cells on {', '.join(lacking)} have no {by}."
-        if row.failed and row.rank is not None:
-            yield (
-                f"{row.label} has failed in {row.failed} cells, so that its mean is over other cells than those of the "
-                "rows beside it."
-            )
-        for lacking, metrics in _partly_measured(row, unmeasured, by).items():
-            yield (
-                f"{row.label}: its cells on {', '.join(lacking)} have no {', '.join(metrics)}; means of these are over "
-                "other cloths than those of the rows beside it."
-            )
-    if any(row.draws > 1 and row.kind == "solver" and not isfinite(row.matched_null) for row in rows):
-        yield (
-            "A best-of-N score rewards N: run null:random-phase on the same cloths with as many draws "
-            "to have something to read it against."
-        )
-    yield from (cell.note for cell in cells.skipped[:_MOST_LEFT_OUT])
-    if more := Counter(cell.status for cell in cells.skipped[_MOST_LEFT_OUT:]):
-        counts = ", ".join(f"{count} {status}" for status, count in more.most_common())
-        yield f"Left out as well: {more.total()} more cells ({counts}); `leaderboard --json` lists them all."
-
-
-def _partly_measured(
-    row: Row, unmeasured: Mapping[str, Mapping[tuple[str, str], Sequence[str]]], by: str
-) -> dict[tuple[str, ...], list[str]]:
-    """Metrics that a row has of some of its cloths only, by the cloths that lack them; not the one that ranks it."""
-    found: dict[tuple[str, ...], list[str]] = {}
-    for metric, lacking in unmeasured.items():
-        own = tuple(cloth for cloth in lacking.get((row.solver, row.variant), ()) if cloth in row.cloths)
-        if own and metric != by and isfinite(row.value(metric)):
-            found.setdefault(own, []).append(metric)
-    return found

@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.leaderboard.board import Leaderboard, Row
+from cusick_bench.leaderboard.board import Leaderboard
 from cusick_bench.leaderboard.cells.commands import machine, typed
+from cusick_bench.leaderboard.row import Row
 from cusick_bench.leaderboard.text import TextTable, text_table
 from cusick_bench.runner.environment import code_text
 

@@ -18,11 +18,12 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.datasets.published import CLOTHS
-from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard, Row
+from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard
 from cusick_bench.leaderboard.bootstrap import Estimate, Values, cell_values, difference, mean
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import method_label, variants
 from cusick_bench.leaderboard.gate.paired import holm
+from cusick_bench.leaderboard.row import Row
 from cusick_bench.leaderboard.text import Column, TextTable, best_of, provenance, short, with_interval
 from cusick_bench.runner.labels import unspaced
 from cusick_bench.solvers.base import SolverError

@@ -4,10 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
 
-from cusick_bench.leaderboard.board import Leaderboard, Row
+from cusick_bench.leaderboard.board import Leaderboard
 from cusick_bench.leaderboard.bootstrap import Estimate
 from cusick_bench.leaderboard.cells.commands import typed
 from cusick_bench.leaderboard.order import direction
+from cusick_bench.leaderboard.row import Row
 from cusick_bench.runner.environment import code_text, hardware_text
 
 _FOLDED = 25  # characters after which a long solver name is folded

@@ -23,13 +23,13 @@ from torch import Tensor
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import camera_of
+from cusick_bench.problem.checks import check_images, check_simulator, checked_rows, one_row
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.followed_branch import FollowedBranch
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.metering.bookkeeping import Simulated, digest_of, metered
 from cusick_bench.problem.metering.budget import Meter
 from cusick_bench.problem.metering.journal import Checkpoint, Entry, Journal
-from cusick_bench.problem.priors import BENDING_TABLE_FACTOR
 from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
@@ -46,7 +46,6 @@ Vectors = Float[np.ndarray, "members dimension"]
 Measure = Callable[[dict[int, Tensor]], Tensor]
 """From the silhouettes of a batch, by member and without those whose drape failed, to a number."""
 _KEPT = ("drape", "draw")  # kinds whose vertices are asked for
-_SLACK = 1e-3  # by which coverage may leave [0, 1], as sums in short floats do
 
 
 @dataclass(frozen=True)
@@ -110,43 +109,9 @@ class DrapeProblem:
     def __post_init__(self) -> None:
         if self.loss not in LOSSES:
             raise ProblemError(f"unknown loss {self.loss!r}; use one of {', '.join(LOSSES)}")
-        size = self.protocol.image_size_px
-        given = (*self.train_images, *self.other_face_images)
-        wrong = [np.shape(image) for image in given if np.shape(image) != (size, size)]
-        if wrong:
-            raise ProblemError(
-                f"a training image has {size} x {size} pixels as its protocol says, got {wrong[0]}; "
-                "give the protocol that its data have (dataset.protocol)"
-            )
-        for image in map(np.asarray, given):
-            if image.dtype.kind in "iu" or not (image.min() >= -_SLACK and image.max() <= 1 + _SLACK):
-                raise ProblemError(
-                    f"a training image must hold floats in [0, 1] (cloth = 1), got {image.dtype} from {image.min():g} "
-                    f"to {image.max():g}; divide bytes by 255"
-                )
-        self._check_simulator()
-
-    def _check_simulator(self) -> None:
-        """Refuses a simulator of another experiment, whose drapes would give wrong stiffness without a word."""
-        s, space, nominal = self.simulator.settings, self.space, self.protocol
-        given = [("the space", "plate_radius", s.plate_radius, space.plate_radius, "m")]
-        if self.scene is None:  # a cause may change it
-            given += [
-                ("the protocol", "plate_radius", s.plate_radius, nominal.plate_radius_m, "m"),
-                ("the protocol", "gravity", s.gravity, nominal.gravity_m_s2, "m/s2"),
-            ]
-        for whose, name, used, asked, unit in given:
-            if not math.isclose(used, asked):
-                raise ProblemError(
-                    f"{name} of the simulator must be that of {whose}, got {used:g} and {asked:g} {unit}; give both "
-                    f"those of the data, as in DrapeSettings({name}=...)"
-                )
-        law = space.prior.law
-        if BENDING_TABLE_FACTOR[law] != BENDING_TABLE_FACTOR[s.law]:
-            raise ProblemError(
-                f"the prior's bending tables must be for the simulator's law, got {law!r} and {s.law!r}, which read "
-                f"them differently; give StiffnessPrior({s.law!r}, ...)"
-            )
+        check_images((*self.train_images, *self.other_face_images), self.protocol)
+        nominal = None if self.scene is not None else self.protocol  # a cause may change plate and gravity
+        check_simulator(self.simulator.settings, self.space, nominal)
 
     @property
     def train_images(self) -> tuple[Float[np.ndarray, "size size"], ...]:
@@ -192,7 +157,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        return float(self.evaluate_batch(self._row(tau))[0])
+        return float(self.evaluate_batch(one_row(tau, self.space))[0])
 
     def evaluate_as_laid(self, tau: Vector) -> float:
         """As `evaluate`, but the drape starts from the cloth as laid down, whatever was followed before.
@@ -228,7 +193,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape and its adjoint.
             ProblemError: tau is not a finite vector, or the space has no gradients.
         """
-        losses, gradients = self.evaluate_and_gradient_batch(self._row(tau))
+        losses, gradients = self.evaluate_and_gradient_batch(one_row(tau, self.space))
         return float(losses[0]), gradients[0]
 
     def observe(self, tau: Vector) -> Observation:
@@ -245,7 +210,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        (entry,) = self._metered("drape", self._row(tau))
+        (entry,) = self._metered("drape", one_row(tau, self.space))
         if entry.evaluation.failure:
             raise DrapeDiverged(entry.evaluation.failure)
         return self._seen(entry)
@@ -295,7 +260,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: A vector has a wrong length or holds NaN or infinity.
         """
-        taus, replaying = self._checked(taus), self.journal.replaying
+        taus, replaying = checked_rows(taus, self.space), self.journal.replaying
         most = self.journal.repeats("drape", [digest_of(tau) for tau in taus]) if replaying else len(taus)
         affordable = self.meter.affordable("drape", most, replayed=True if replaying else None)
         return self._observed("drape", taus[: max(1, affordable)])
@@ -440,7 +405,7 @@ class DrapeProblem:
     def _metered(self, kind: str, taus: Vectors, measure: Measure | None = None) -> list[Entry]:
         entries = metered(
             kind,
-            self._checked(taus),
+            checked_rows(taus, self.space),
             lambda some: self._simulated(some, kind == "gradient", measure),
             self.meter,
             self.journal,
@@ -451,28 +416,6 @@ class DrapeProblem:
             for entry in entries:
                 self._branch.keep(entry)
         return entries
-
-    def _row(self, tau: Vector) -> Vectors:
-        """One vector as a batch."""
-        tau = np.asarray(tau)
-        if tau.ndim != 1:
-            raise ProblemError(f"space {self.space.name!r} takes {self.dimension} numbers, got shape {tau.shape}")
-        return tau[None]
-
-    def _checked(self, taus: Vectors) -> Vectors:
-        if np.ndim(taus) != 2:
-            raise ProblemError(
-                f"a batch holds a vector of {self.dimension} numbers in each row, got shape {np.shape(taus)}; give one "
-                "vector as vector[None]"
-            )
-        taus = np.ascontiguousarray(taus, dtype=np.float64)
-        if taus.shape[1] != self.dimension:
-            raise ProblemError(f"space {self.space.name!r} takes {self.dimension} numbers, got shape {taus.shape[1:]}")
-        bad = np.argwhere(~np.isfinite(taus))
-        if len(bad):
-            value, index = taus[tuple(bad[0])], bad[0][1]
-            raise ProblemError(f"parameters must be finite, got {value} at index {index} ({len(bad)} in all)")
-        return taus
 
     @property
     def _follows(self) -> bool:

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
+    from cusick_bench.runner.cell import run_cell
+    from cusick_bench.runner.cell_files import load_prediction
+    from cusick_bench.runner.cell_problem import build_problem
     from cusick_bench.runner.errors import RunnerError
     from cusick_bench.runner.execute import run
     from cusick_bench.runner.executors.executor import CellExecutor
@@ -53,10 +55,10 @@ __getattr__ = lazy_names(
         "Submitted": "executors.submitted",
         "Unwatched": "progress",
         "Watcher": "progress",
-        "build_problem": "cell",
+        "build_problem": "cell_problem",
         "labelled": "labels",
         "load_once": "source",
-        "load_prediction": "cell",
+        "load_prediction": "cell_files",
         "plan": "grid",
         "record_key": "grid",
         "require_space": "grid",

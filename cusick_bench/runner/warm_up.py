@@ -21,7 +21,7 @@ from numba.core import config, event
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.files.folder_lock import locked
 from cusick_bench.problem import Budget
-from cusick_bench.runner.cell import build_problem
+from cusick_bench.runner.cell_problem import build_problem
 from cusick_bench.runner.grid import Cell, record_key
 from cusick_bench.sim.errors import raise_stop
 from cusick_bench.solvers.registry import make_solver

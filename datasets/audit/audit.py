@@ -105,9 +105,7 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
         *audit_files.check_tables(layout, protocol, fabrics, found),
         *audit_images.check_images(layout, protocol, found),
         *audit_images.check_frame(layout, protocol, found),
-        *audit_images.check_named_sets(
-            layout, protocol, found, named.twins(layout.silhouettes, found.hashes, found.images)
-        ),
+        *audit_images.check_named_sets(layout, protocol, named.twins(layout.silhouettes, found.hashes, found.images)),
         *audit_meshes.check_meshes(layout, protocol, found, matches),
     ]
     impossible = [path for path, fault in found.faults.items() if fault.kind in UNREADABLE]

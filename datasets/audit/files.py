@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from cusick_bench.datasets import named
+from cusick_bench.datasets.files.entry import Entry, is_fabric_folder, is_image_folder
 from cusick_bench.datasets.files.fabrics import FILE, Fabric
-from cusick_bench.datasets.files.layout import Entry, Layout, is_fabric_folder, is_image_folder
+from cusick_bench.datasets.files.layout import Layout
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.protocol_keys import NOTES

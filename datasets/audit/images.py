@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from cusick_bench.datasets.audit.limits import impossible_faults
-from cusick_bench.datasets.files.layout import NAMED_FACES, Layout
+from cusick_bench.datasets.files.entry import NAMED_FACES
+from cusick_bench.datasets.files.layout import Layout
 from cusick_bench.datasets.files.measure import ImageMeasure
 from cusick_bench.datasets.files.protocol import FILE, Protocol
 from cusick_bench.datasets.index import Survey
@@ -103,15 +104,12 @@ def _on_plate(path: str, image: ImageMeasure, protocol: Protocol) -> Iterator[Ir
         yield Irregularity(path, "radius-beyond-cloth", detail)
 
 
-def check_named_sets(
-    layout: Layout, protocol: Protocol, found: Survey, twins: Mapping[str, Twin]
-) -> Iterator[Irregularity]:
+def check_named_sets(layout: Layout, protocol: Protocol, twins: Mapping[str, Twin]) -> Iterator[Irregularity]:
     """Tells which captures named images copy, and which sets mix faces or observations.
 
     Args:
         layout: Files of the folder.
         protocol: Gives the size of the cloth, by which differences are judged.
-        found: What `survey` found in the files.
         twins: Result of `named.twins`, by path.
 
     Yields:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.files import BadFile, read_csv
-from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, THICKEST_CLOTH, THINNEST_CLOTH
 
 FILE = "fabrics.csv"
 _MAXIMUM_BYTES = 1 << 20
 _REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
-_THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; other values are in another unit
+_THICKNESSES = (THINNEST_CLOTH, THICKEST_CLOTH)
 _DENSITIES = (LIGHTEST_CLOTH, HEAVIEST_CLOTH)
 _NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,18})(?:\.0+)?(_observations)?")  # a spreadsheet's 2 may be 2.0
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)

@@ -1,80 +1,29 @@
 """Finds silhouettes and meshes in a folder with the public release's layout, or a part of it.
 
-Known: `data/Fabric N/{silhouettes,meshes}/Fabric_N_Sample_S_Capture_C.*`; `data/Fabric N Observations/Sample S/...`
-with `Obs_K` or `Observation_K`; named sets `bnn_image_gt/<cloth>/...sample_S_Upward_Drape_D.*`. The root may be the
-release, its `data` folder, one fabric's folder or a folder in there, or hold one fabric. What a file is called decides
-its capture; its folder decides its fabric and sample. Folders above the data decide nothing.
+The root may be the release, its `data` folder, one fabric's folder or a folder in there, or hold one fabric. What its
+files show is said by their names and folders (`entry`).
 """
 
 import os
 import re
-import unicodedata
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files import fabrics, image, protocol
+from cusick_bench.datasets.files.entry import Entry, has_zero, is_home, parse_entry
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.files.first_names import first_names
 from cusick_bench.sim.cloth import obj
 
-NAMED_SETS = "bnn_image_gt"
-NAMED_FACES = {1: "up", 2: "up", 3: "down", 4: "down"}
-"""Face that lies up in each capture of a named set: that of its file's name, whatever a protocol says of captures."""
 _DATA = "data"  # folder of the fabrics, in any case
 _MAXIMUM_FILES = 200_000
 _SIDE_FILES = re.compile(
     r"(readme|licen[cs]e|citation).*|fabrics\.csv|(protocol|sha256|croissant|truth|manifest)\.json|check_.*\.jpg|weights\.csv",
     re.I,
 )
-_DIGITS = r"(\d{1,18})(?!\d)"  # of a number in a name, which may be a date; all of them, within 64 bits
-_FABRIC_FOLDER = re.compile(rf"fabric[ _-]*{_DIGITS}(?P<series>[ _-]*obs\w*)?", re.I)
-_SAMPLE_FOLDER = re.compile(rf"sample[ _-]*{_DIGITS}", re.I)
-_IMAGE_FOLDER = re.compile(r"sil(s|h\w*|ou\w*)?", re.I)  # however silhouettes are spelt, but not a folder of silk
-_MESH_FOLDER = re.compile(r"mesh\w*", re.I)
-_FABRIC = re.compile(rf"fabric[ _-]*{_DIGITS}", re.I)
-_SAMPLE = re.compile(rf"sample[ _-]*{_DIGITS}", re.I)
-_CAPTURE = re.compile(rf"capture[ _-]*{_DIGITS}", re.I)
-_OBSERVATION = re.compile(rf"obs(?:ervation)?[ _-]*{_DIGITS}", re.I)
-_FACE = re.compile(r"(up|down)ward", re.I)
-_DRAPE = re.compile(rf"drape[ _-]*{_DIGITS}", re.I)
-_ZERO = re.compile(r"((?:fabric|sample|capture|obs(?:ervation)?)[ _-]*)0+(?!\d)", re.I)
 NUMBER_ZERO = "number-zero"
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One silhouette or mesh file, and what its folder and name say.
-
-    Attributes:
-        path: Relative to the root, with forward slashes.
-        cloth: The set that it belongs to: `fabric_2`, `fabric_1_observations`, or the name of a named set.
-        fabric: Fabric number; 0 in a named set.
-        sample: Sample number.
-        capture: Capture number; 0 if the name holds none. Named sets: 1, 2 upward, 3, 4 downward drape 1, 2.
-        observation: Number within a series over time, else 0.
-        file_fabric, file_sample: What the file's own name says; 0 if nothing.
-    """
-
-    path: str
-    cloth: str
-    fabric: int
-    sample: int
-    capture: int
-    observation: int
-    file_fabric: int
-    file_sample: int
-
-    @property
-    def key(self) -> tuple[str, int, int, int]:
-        """Key that image and mesh of one drape share."""
-        return self.cloth, self.sample, self.capture, self.observation
-
-    @property
-    def is_named(self) -> bool:
-        """Whether it belongs to a named set (images only) rather than to a fabric."""
-        return self.fabric == 0
 
 
 @dataclass(frozen=True)
@@ -148,7 +97,7 @@ def beside(root: Path, name: str) -> Path | None:
         Its path; None if there is none.
     """
     places, top = [root, _in_any_case(root, _DATA)], root
-    while top.name.lower() == _DATA or any(pattern.fullmatch(top.name) for pattern in _HOMES):
+    while top.name.lower() == _DATA or is_home(top.name):
         top = top.parent
         places.append(top)
     return next((found for place in places if place is not None and (found := _in_any_case(place, name))), None)
@@ -180,30 +129,6 @@ def inside_root(root: Path, relative: str) -> Path:
     if not path.is_relative_to(root):
         raise DataError(f"path must stay within {root}", where=relative, remedy="remove it", kind="outside-link")
     return path
-
-
-def is_fabric_folder(name: str) -> bool:
-    """Whether a folder is named as the layout names fabrics: `Fabric 7`, `Fabric 1 Observations`.
-
-    Args:
-        name: Name of the folder.
-
-    Returns:
-        True for such a name.
-    """
-    return re.fullmatch(r"Fabric \d+( Observations)?", name) is not None
-
-
-def is_image_folder(name: str) -> bool:
-    """Whether a folder is named as those of silhouettes are, however that is spelt.
-
-    Args:
-        name: Name of the folder.
-
-    Returns:
-        True for such a name, but not for `silk`.
-    """
-    return _IMAGE_FOLDER.fullmatch(name) is not None
 
 
 def is_hidden(folder: str) -> bool:
@@ -246,8 +171,8 @@ def scan(root: str | Path) -> Layout:
     for path in _files(folder, problems):
         name = path.name.lower()
         known = name.endswith(image.SUFFIXES + obj.SUFFIXES)
-        entry = _parse(folder, path) if known else None
-        if known and _has_zero(folder, path, entry):
+        entry = parse_entry(folder, path) if known else None
+        if known and has_zero(folder, path, entry):
             where = path.relative_to(folder).as_posix()
             problems.append(Irregularity(where, NUMBER_ZERO, "a number is 0, and numbers begin at 1"))
         elif entry is None:
@@ -329,79 +254,6 @@ def _inside(link: Path, folder: Path) -> bool:
         return link.resolve(strict=True).is_relative_to(folder)
     except (OSError, RuntimeError):  # Python 3.11 tells of a loop of links as a RuntimeError
         return False
-
-
-def _parse(root: Path, path: Path) -> Entry | None:
-    """Labels from a path, or None if it is not part of the layout."""
-    inside = _deciding_folders(root, path)
-    lower = [part.lower() for part in inside]
-    stem = path.name.lower().removesuffix(".gz").rsplit(".", 1)[0]
-    number = {name: _first(pattern, stem) for name, pattern in _PATTERNS.items()}
-    sample_folder = next((m for part in reversed(inside) if (m := _SAMPLE_FOLDER.fullmatch(part))), None)
-    sample = int(sample_folder[1]) if sample_folder else number["sample"]
-    if NAMED_SETS in lower[:-1]:
-        cloth = lower[lower.index(NAMED_SETS) + 1]
-        return _named(path, root, unicodedata.normalize("NFC", cloth), stem, number)  # as keyboards write accents
-    fabric_folder = next((m for part in reversed(inside) if (m := _FABRIC_FOLDER.fullmatch(part))), None)
-    home = path.parent == root or any(pattern.fullmatch(inside[-1]) for pattern in _HOMES)
-    fabric = int(fabric_folder[1]) if fabric_folder else number["fabric"]
-    if not (home and fabric and sample):
-        return None
-    series = bool(fabric_folder and fabric_folder["series"])
-    return Entry(
-        path.relative_to(root).as_posix(),
-        f"fabric_{fabric}_observations" if series else f"fabric_{fabric}",
-        fabric,
-        sample,
-        1 if series else number["capture"],
-        number["observation"],
-        number["fabric"],
-        number["sample"],
-    )
-
-
-def _deciding_folders(root: Path, path: Path) -> tuple[str, ...]:
-    """Names of the folders that decide what a file shows: those below the root, and its own and its parent's where the
-    root is a part of a data set rather than the folder of one.
-    """
-    below = path.relative_to(root).parts[:-1]
-    if any(_FABRIC_FOLDER.fullmatch(name) for name in below):
-        return below
-    in_fabric = any(pattern.fullmatch(root.name) for pattern in (_IMAGE_FOLDER, _MESH_FOLDER, _SAMPLE_FOLDER))
-    if in_fabric or root.parent.name.lower() == NAMED_SETS:
-        return root.parent.name, root.name, *below
-    return root.name, *below
-
-
-def _has_zero(root: Path, path: Path, entry: Entry | None) -> bool:
-    """Whether a file would be another entry, or one at all, if numbers of 0 in its name and folders were 1."""
-    other_root = root.parent.parent / _one(root.parent.name) / _one(root.name)
-    other = _parse(other_root, other_root / _one(path.relative_to(root).as_posix()))
-    if other is None or entry is None:
-        return other is not entry
-    return (other.fabric, *other.key[1:]) != (entry.fabric, *entry.key[1:])
-
-
-def _one(name: str) -> str:
-    return _ZERO.sub(r"\g<1>1", name)
-
-
-_HOMES = (_IMAGE_FOLDER, _MESH_FOLDER, _FABRIC_FOLDER, _SAMPLE_FOLDER)  # folders that may hold the files
-_PATTERNS = {"fabric": _FABRIC, "sample": _SAMPLE, "capture": _CAPTURE, "observation": _OBSERVATION}
-
-
-def _named(path: Path, root: Path, cloth: str, stem: str, number: dict[str, int]) -> Entry | None:
-    face, drape = _FACE.search(stem), _first(_DRAPE, stem)
-    if not number["sample"] or path.name.lower().endswith(obj.SUFFIXES):
-        return None
-    capture = drape + 2 * (face[1] == "down") if face and drape in (1, 2) else 0
-    where = path.relative_to(root).as_posix()
-    return Entry(where, cloth, 0, number["sample"], capture, number["observation"], 0, number["sample"])
-
-
-def _first(pattern: re.Pattern[str], text: str) -> int:
-    match = pattern.search(text)
-    return int(match[1]) if match else 0
 
 
 def _order(entry: Entry) -> tuple[bool, int, str, int, int, int, str]:

@@ -6,7 +6,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark import suite
-from cusick_bench.benchmark.suite import FULL, PARTS, Plan, benchmark, scaling, work
+from cusick_bench.benchmark.plan import FULL, Plan, work
+from cusick_bench.benchmark.suite import PARTS, benchmark, scaling
 from cusick_bench.benchmark.text import _sizes
 from cusick_bench.cli import app
 

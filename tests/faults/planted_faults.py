@@ -99,7 +99,7 @@ FAULTS = (
     Fault(
         "ignored protocol",
         "fits are simulated under the standard's gravity, whatever the data's protocol says",
-        "cusick_bench/runner/cell.py",
+        "cusick_bench/runner/cell_problem.py",
         ", plate_radius=protocol.plate_radius_m, gravity=protocol.gravity_m_s2)",
         ", plate_radius=protocol.plate_radius_m)",
         "tests/runner/test_run_protocol.py::test_a_fit_follows_the_protocol_of_its_data",

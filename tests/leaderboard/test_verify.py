@@ -15,7 +15,7 @@ from cusick_bench.cli.results import verify as verify_page
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.learning_curve import learning_splits
-from cusick_bench.leaderboard.verification import verify
+from cusick_bench.leaderboard.verification import resimulate, verify
 from cusick_bench.leaderboard.verification.comparison import stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import _following, read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import rows_of
@@ -289,6 +289,14 @@ class TestCells:
         found = verify_cell(path.parent, dataset)
         assert found.status == "unreadable"
         assert "prediction.npz" in found.notes[0]
+
+    def test_too_little_memory_is_no_damage(self, finished, dataset, monkeypatch):
+        def full(folder):
+            raise MemoryError
+
+        monkeypatch.setattr(resimulate, "load_prediction", full)
+        with pytest.raises(MemoryError):
+            verify_cell(folder_of(finished, "null:disc"), dataset)
 
 
 class TestCommand:

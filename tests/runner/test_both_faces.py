@@ -14,7 +14,8 @@ from cusick_bench.identify.options import Options
 from cusick_bench.leaderboard.verification.verify import verify_cell
 from cusick_bench.problem.cloth_prior import CLOTH, trait_entry
 from cusick_bench.runner import load_prediction
-from cusick_bench.runner.cell import build_problem, solve_cell
+from cusick_bench.runner.cell import solve_cell
+from cusick_bench.runner.cell_problem import build_problem
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.grid import ProblemSettings, plan
 from cusick_bench.runner.samples import training_rows

@@ -22,7 +22,8 @@ from cusick_bench.runner import (
     run,
     run_cell,
 )
-from cusick_bench.runner.cell import build_problem, solve_cell
+from cusick_bench.runner.cell import solve_cell
+from cusick_bench.runner.cell_problem import build_problem
 from cusick_bench.runner.environment import code_state, code_text
 from cusick_bench.runner.executors.pool import work
 from cusick_bench.runner.warm_up import WarmUp

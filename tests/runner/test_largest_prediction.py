@@ -24,7 +24,7 @@ def test_the_limit_is_beyond_what_may_be_asked_for():
 def test_every_reader_has_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     np.savez_compressed(tmp_path / PREDICTION_FILE, train_image=np.zeros((4, 4)), draws=np.zeros((2, 4, 4), np.uint8))
     assert len(load_prediction(tmp_path)["draws"]) == len(load_draws(tmp_path).images) == 2
-    for module in ("cusick_bench.runner.cell", "cusick_bench.report.prediction_file"):
+    for module in ("cusick_bench.runner.cell_files", "cusick_bench.report.prediction_file"):
         monkeypatch.setattr(f"{module}.MOST_PREDICTION_BYTES", 16)
     for read in (load_prediction, load_draws):
         with pytest.raises((BadFile, ReportError), match="at most"):

@@ -213,11 +213,6 @@ def _renderer() -> Values:
     }
 
 
-def _wave(points: torch.Tensor) -> torch.Tensor:
-    """Height of the cloth as it is laid down [m]."""
-    return 1e-3 * torch.sin(40 * points[:, 0])
-
-
 def _effects() -> Values:
     mesh, settings = disc_mesh(100), DrapeSettings(steps=4, clamp="whole")
     found = {}

@@ -187,7 +187,7 @@ def _normal(along: ndarray) -> ndarray:
     return np.array([along[1], -along[0]])
 
 
-def _of_slopes(mesh: Mesh, annulus: _Annulus, slopes: _Slopes | None) -> _Plate:
+def _of_slopes(annulus: _Annulus, slopes: _Slopes | None) -> _Plate:
     """Constant curvatures of triangles from slopes across edges; where None is given, slopes are unknowns.
 
     By the divergence theorem the mean of w_,ab over a face is the sum over its edges of length times w_,a at the
@@ -233,11 +233,11 @@ def _averaged(mesh: Mesh) -> _Plate:
             for node, weight in zip(annulus.faces[face], annulus.gradient(face) @ across, strict=True):
                 own[node] = own.get(node, 0.0) + weight / len(faces)
         slopes.append(own)
-    return _of_slopes(mesh, annulus, slopes)
+    return _of_slopes(annulus, slopes)
 
 
 def _edge_unknowns(mesh: Mesh) -> _Plate:
-    return _of_slopes(mesh, _Annulus.of(mesh), None)
+    return _of_slopes(_Annulus.of(mesh), None)
 
 
 def _fitted(mesh: Mesh) -> _Plate:
@@ -262,7 +262,7 @@ def _fitted(mesh: Mesh) -> _Plate:
             x, y = ((annulus.points[nodes] - middle) @ frame / length).T
             weights = _least_squares(np.stack([x**0, x, y, x * x, x * y, y * y], axis=1), x, y)[2] / length
         slopes.append(dict(zip(nodes.tolist(), weights.tolist(), strict=True)))
-    return _of_slopes(mesh, annulus, slopes)
+    return _of_slopes(annulus, slopes)
 
 
 def _least_squares(basis: ndarray, x: ndarray, y: ndarray) -> ndarray:

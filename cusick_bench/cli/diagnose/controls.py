@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
-from rich.table import Table
-from rich.text import Text
 
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_cloth
+from cusick_bench.cli.diagnose.marked_table import marked_table
 from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made, require_csv
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 _MOST_HALVES = 100
-_STYLES = {"no": "red", "yes": "green", "": ""}
 
 
 @app.command("diagnose-controls")
@@ -157,16 +154,6 @@ def _print(judgements: list[Judgement], facts: dict[str, Any], as_json: bool) ->
         print_json(document(judgements, shares, facts))
         return
     controls = control_lines(judgements)
-    output.print(_table(controls, controls[0].index("hit")))
+    output.print(marked_table(controls, "hit"))
     lines = share_lines(shares)
-    output.print(_table(lines, lines[0].index("reached")))
-
-
-def _table(lines: list[list[str]], mark: int) -> Table:
-    """A table of strings; the column `mark` holds yes, no or nothing, and colours its line."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for head in lines[0]:
-        table.add_column(Text(head), overflow="fold")
-    for line in lines[1:]:
-        table.add_row(*map(Text, line), style=_STYLES[line[mark]])
-    return table
+    output.print(marked_table(lines, "reached"))

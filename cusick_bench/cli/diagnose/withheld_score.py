@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
-from rich.table import Table
-from rich.text import Text
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
+from cusick_bench.cli.diagnose.marked_table import marked_table
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import require_csv
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
 
 
 _SHOWN = 20  # failures on the terminal; files have them all
-_STYLES = {"no": "red", "yes": "green", "": ""}
 
 
 @user_errors
@@ -121,9 +118,9 @@ def _show(scores: Scores, failed: list[Failure]) -> None:
 
     print_scores(headline(scores))
     if levels := by_severity(scores):
-        output.print(_table(levels))
+        output.print(marked_table(levels))
     listed = [[item.case, ", ".join(item.faults), item.label, item.answer] for item in failed[:_SHOWN]]
-    output.print(_table([["case", "what is wrong", "label", "answer"], *listed]))
+    output.print(marked_table([["case", "what is wrong", "label", "answer"], *listed]))
     if len(failed) > _SHOWN:
         output.print(f"... {len(failed) - _SHOWN} more failures: --out FILE.csv lists them all", style="dim")
     for note in scores.notes:
@@ -136,14 +133,4 @@ def print_scores(lines: list[list[str]]) -> None:
     Args:
         lines: Heading, with a column `reached`, and lines.
     """
-    output.print(_table(lines, lines[0].index("reached")))
-
-
-def _table(lines: list[list[str]], mark: int | None = None) -> Table:
-    """A table of strings; the column `mark` holds yes, no or nothing, and colours its line."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for head in lines[0]:
-        table.add_column(Text(head), overflow="fold")
-    for line in lines[1:]:
-        table.add_row(*map(Text, line), style="" if mark is None else _STYLES[line[mark]])
-    return table
+    output.print(marked_table(lines, "reached"))

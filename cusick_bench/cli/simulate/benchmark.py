@@ -84,7 +84,7 @@ def benchmark(
     Takes some minutes on two cores. Results are written to --out as soon as they are measured; `missing` in that file
     names the parts that an interrupted benchmark lacks.
     """
-    from cusick_bench.benchmark.suite import FULL, Plan, work
+    from cusick_bench.benchmark.plan import FULL, Plan, work
     from cusick_bench.benchmark.suite import benchmark as run_benchmark
     from cusick_bench.benchmark.text import markdown
     from cusick_bench.datasets.files.plate_drapes import read_plate_drapes

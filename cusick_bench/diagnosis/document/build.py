@@ -1,6 +1,6 @@
 """Makes the document of a diagnosis, and the answer to a withheld case."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from math import isfinite
 
 import numpy as np
@@ -17,19 +17,19 @@ from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.document.part import Interval, Map
 from cusick_bench.diagnosis.document.statistic_rows import finite, statistic_rows
+from cusick_bench.diagnosis.document.with_effect import bound_notes, turning_notes, turns_with_cloth, with_effect
 from cusick_bench.diagnosis.inference.single_effects.equivalents import ABSORBED, EQUIVALENTS
-from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.samples import Simulated
 from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.effects.effect_timing import acts_later, in_lab
+from cusick_bench.sim.effects.effect_timing import acts_later
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
 _LEAST = 0.005  # probability from which a cause, or a set, is listed
 _LEAST_ACTING = 0.02  # probability that it acts, likewise
-_LENGTHS = {"m": 1, "1/m": -1}  # exponents of the cloth's scale, by the unit of a parameter
 _MOST_OF_BASELINE = 5  # largest number of causes in a simpler method's answer
 
 
@@ -86,8 +86,8 @@ def document(
         ),
         notes=(
             *diagnosis.notes,
-            *_turning_with_cloth(diagnosis),
-            *_beyond_bounds(diagnosis, captures.protocol.cloth_scale),
+            *turning_notes(diagnosis.causes),
+            *bound_notes(diagnosis.causes, captures.protocol.cloth_scale),
         ),
         without=diagnosis.without,
         provenance=model.Provenance(version=version, command=command, atlas=f"{len(emulator.responses)} effects"),
@@ -236,49 +236,6 @@ def _unexplained(diagnosis: Diagnosis) -> stated.Unexplained:
     return stated.Unexplained(share=left.value, ci90=left.interval)
 
 
-def with_effect(one: Candidate, scale: float) -> str:
-    """Argument of `--with-effect` that adds a cause to simulations of the laboratory's cloth.
-
-    Args:
-        one: The cause, in lengths of the atlas' cloth. A negative loss, which stands for captures in reverse order,
-            loses its sign: simulations take captures in their order.
-        scale: Radius of the laboratory's cloth over that of the atlas' cloth.
-
-    Returns:
-        Such as "camera-offset:shift=0.0027,direction=120", in the laboratory's lengths and within the effect's bounds.
-    """
-    value = _in_lengths_of_cloth(one, scale)
-    for p in one.hypothesis.effect.parameters:
-        if p.unit in _LENGTHS:
-            value[p.name] = float(np.clip(value[p.name], p.low, p.high))
-    listed = ",".join(f"{name}={number:.6g}" for name, number in value.items())
-    return f"{one.hypothesis.name}:{listed}"
-
-
-def _in_lengths_of_cloth(one: Candidate, scale: float) -> dict[str, float]:
-    """Parameters of a cause in the laboratory's lengths, for captures in their order."""
-    effect, value = one.hypothesis.effect, dict(one.value)
-    if acts_later(effect):
-        value[effect.severity.name] = abs(value[effect.severity.name])
-    for p in effect.parameters:
-        value[p.name] *= scale ** _LENGTHS.get(p.unit, 0)
-    return value
-
-
-def _beyond_bounds(diagnosis: Diagnosis, scale: float) -> Iterator[str]:
-    """A note for each parameter that `with_effect` gives otherwise than it was found."""
-    for one in diagnosis.causes:
-        value = _in_lengths_of_cloth(one, scale)
-        for p in one.hypothesis.effect.parameters:
-            if p.unit in _LENGTHS and not p.low <= value[p.name] <= p.high:
-                end = p.low if value[p.name] < p.low else p.high
-                yield (
-                    f"{one.hypothesis.name}: {p.name} is {value[p.name]:.3g}{p.unit_text} on this cloth, but "
-                    f"--with-effect takes {p.low:g} to {p.high:g} only and is given {end:g}, so what it simulates "
-                    "differs"
-                )
-
-
 def _base(diagnosis: Diagnosis) -> model.BaseParameters:
     values = [finite(value) for value in diagnosis.residual.theta.tolist()]
     return model.BaseParameters(**dict(zip(PARAMETERS, values, strict=True)))
@@ -320,22 +277,7 @@ def _cause(diagnosis: Diagnosis, name: str, probability: float) -> model.Cause:
         summary="" if effect is None else effect.summary,
         named=name in diagnosis.effects,
         shared=name in diagnosis.shared,
-        turns_with_cloth=name in diagnosis.best and _turns_with_cloth(diagnosis.best[name]),
-    )
-
-
-def _turns_with_cloth(one: Candidate) -> bool:
-    """Whether an effect of plate or camera was found in the frame of the cloth."""
-    return in_lab(one.hypothesis.effect) and one.hypothesis.frame == "cloth"
-
-
-def _turning_with_cloth(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """A note for each cause that `with_effect` simulates in another frame than the one in which it was found."""
-    return tuple(
-        f"{one.hypothesis.name}: its direction turns over with the cloth in these pictures; --with-effect keeps it in "
-        "the laboratory, so to simulate cloth that lies face down give 180 minus the direction"
-        for one in diagnosis.causes
-        if _turns_with_cloth(one)
+        turns_with_cloth=name in diagnosis.best and turns_with_cloth(diagnosis.best[name]),
     )
 
 

@@ -20,6 +20,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.files import BadFile
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import (
     REDRAWN,
@@ -34,7 +35,8 @@ from cusick_bench.metrics.found_stiffness import FoundStiffness, find_stiffness
 from cusick_bench.metrics.prediction_score import from_levels
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, Store, build_problem, load_prediction, run_cell
-from cusick_bench.runner.cell import score_cell, stored_posterior, true_stiffness
+from cusick_bench.runner.cell import score_cell, true_stiffness
+from cusick_bench.runner.cell_files import stored_posterior
 from cusick_bench.runner.store import CELL_FILE, PREDICTION_FILE, read_json
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.setup import Simulators
@@ -152,7 +154,7 @@ def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[s
 def _stored(folder: Path) -> dict[str, ndarray]:
     try:
         stored = load_prediction(folder)
-    except Exception as error:  # numpy and zipfile raise many kinds for a damaged archive
+    except BadFile as error:
         raise LeaderboardError(f"{folder / PREDICTION_FILE} cannot be read ({error}); run the cell again") from error
     missing = [name for name in ("train_image", "train_target", "draws") if name not in stored]
     if missing:

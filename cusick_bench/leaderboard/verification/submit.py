@@ -21,12 +21,13 @@ import pandas as pd
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.files.folder_lock import locked
-from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, of_board
+from cusick_bench.leaderboard.board import Leaderboard, leaderboards, metric_names, of_board
 from cusick_bench.leaderboard.cells.commands import command_record, machine, typed
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.formats import record
+from cusick_bench.leaderboard.row import Row
 from cusick_bench.leaderboard.verification.tracks import require_fit
 from cusick_bench.leaderboard.verification.verify import verified_keys
 from cusick_bench.runner.labels import unspaced

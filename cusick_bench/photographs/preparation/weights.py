@@ -7,11 +7,10 @@ from cusick_bench.datasets.files.fabrics import fabric_key
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
-from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, THICKEST_CLOTH, THINNEST_CLOTH
 
 TABLE = "weights.csv"
 _MOST_BYTES = 1 << 20
-_THICKNESSES = (1e-5, 0.02)  # [m]
 
 
 def template(fabrics: Sequence[int]) -> str:
@@ -95,7 +94,7 @@ def thickness(text: str) -> float:
     Raises:
         BadPhotograph: Not understood, or no cloth's.
     """
-    return _within(quantity(text, LENGTHS, "thickness", "0.4 mm"), _THICKNESSES, "m", text)
+    return _within(quantity(text, LENGTHS, "thickness", "0.4 mm"), (THINNEST_CLOTH, THICKEST_CLOTH), "m", text)
 
 
 def _within(value: float, bounds: tuple[float, float], unit: str, text: str) -> float:

@@ -40,7 +40,7 @@ def troubled(laboratory: Laboratory, shot: int, trouble: str) -> tuple[UInt8[nda
         return photograph(replace(laboratory, camera=replace(camera, middle=aside)), drape, shot), drape
     taken = photograph(laboratory, drape, shot)
     if trouble in ("hand", "second-cloth"):
-        _cover(taken, laboratory, drape, generator, alike=trouble == "second-cloth")
+        _cover(taken, laboratory, generator, alike=trouble == "second-cloth")
     if trouble == "glare":
         _glare(taken, laboratory, generator)
     return taken, drape
@@ -52,7 +52,7 @@ def _rim_place(laboratory: Laboratory, generator: np.random.Generator, radius: f
     return place, angle
 
 
-def _cover(taken: ndarray, laboratory: Laboratory, drape: Piece, generator: np.random.Generator, alike: bool) -> None:
+def _cover(taken: ndarray, laboratory: Laboratory, generator: np.random.Generator, alike: bool) -> None:
     """A hand, or a rag of the same cloth, over the rim."""
     place, angle = _rim_place(laboratory, generator, 0.118)
     reach, thick = generator.uniform(180, 300), generator.uniform(60, 110)

@@ -10,8 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from cusick_bench.leaderboard.anytime import Curve
+from cusick_bench.report.drawing.method_graphs import COST_TITLES
 
-_TITLES = {"forward_equivalents": "cost [drapes]", "wall_seconds": "wall time [s]"}
 _DASHES = ("-", "--", ":", "-.")
 _MOST_RANGES = 8  # methods whose ranges can be told apart
 
@@ -37,7 +37,7 @@ def save_anytime(path: Path, title: str, panels: Mapping[str, Sequence[Curve]]) 
             axis.step(curve.cost, curve.loss, where="post", color=colour, linestyle=dash, label=curve.label)
             if len(curves) <= _MOST_RANGES:
                 axis.fill_between(curve.cost, curve.low, curve.high, step="post", color=colour, alpha=0.1, linewidth=0)
-        axis.set(xscale="log", yscale="log", xlabel=_TITLES[cost])
+        axis.set(xscale="log", yscale="log", xlabel=COST_TITLES[cost])
         axis.grid(visible=True, which="both", alpha=0.2)
     ranges = " and range" if max(map(len, panels.values())) <= _MOST_RANGES else ""
     axes[0].set_ylabel(f"best training MSE (mean{ranges} of cells)")

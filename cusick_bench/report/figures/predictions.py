@@ -19,7 +19,7 @@ from cusick_bench.leaderboard.cells.variants import method_label, of_boards
 from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
-from cusick_bench.runner.cell import load_cell
+from cusick_bench.runner.cell_files import load_cell
 from cusick_bench.runner.store import CELL_FILE
 
 _KINDS = {"solver": 0, "null": 1, "oracle": 2}

@@ -69,9 +69,10 @@ def _number(value: Any) -> float:
     return value
 
 
-_AS_IT_STANDS = PlainSerializer(lambda value: value, return_type=Any)
+AS_IT_STANDS = PlainSerializer(lambda value: value, return_type=Any)
+"""A value is written as it was given, so that what was sealed as 1 is not written as 1.0."""
 
-Number = Annotated[float, PlainValidator(_number), _AS_IT_STANDS]
+Number = Annotated[float, PlainValidator(_number), AS_IT_STANDS]
 """A finite number, not a string and not a truth value."""
 
 
@@ -82,7 +83,7 @@ def _probability(value: Any) -> float:
     return number
 
 
-Probability = Annotated[float, PlainValidator(_probability), _AS_IT_STANDS]
+Probability = Annotated[float, PlainValidator(_probability), AS_IT_STANDS]
 """A number from 0 to 1."""
 
 

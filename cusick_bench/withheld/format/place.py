@@ -2,11 +2,11 @@
 
 from typing import Annotated, Any
 
-from pydantic import PlainSerializer, PlainValidator
+from pydantic import PlainValidator
 from pydantic_core import PydanticCustomError
 
 from cusick_bench.withheld.format import location
-from cusick_bench.withheld.format.fields import Document, broken_rule
+from cusick_bench.withheld.format.fields import AS_IT_STANDS, Document, broken_rule
 from cusick_bench.withheld.format.location import Region
 
 Range = tuple[float, float]
@@ -33,9 +33,6 @@ def _radii(value: Any) -> float | Range:
     return found
 
 
-_AS_IT_STANDS = PlainSerializer(lambda value: value, return_type=Any)
-
-
 class Place(Document):
     """A place on the cloth.
 
@@ -46,8 +43,8 @@ class Place(Document):
     """
 
     kind: str | None = None
-    angle_deg: Annotated[float | Range, PlainValidator(_number_or_range), _AS_IT_STANDS] | None = None
-    radius_m: Annotated[float | Range, PlainValidator(_radii), _AS_IT_STANDS] | None = None
+    angle_deg: Annotated[float | Range, PlainValidator(_number_or_range), AS_IT_STANDS] | None = None
+    radius_m: Annotated[float | Range, PlainValidator(_radii), AS_IT_STANDS] | None = None
 
     @property
     def region(self) -> Region | None:

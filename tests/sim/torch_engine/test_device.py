@@ -11,7 +11,8 @@ import torch
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark.device import DeviceWorkload, drapes_per_second, measure_device
-from cusick_bench.benchmark.suite import Plan, benchmark, measure_beside, measure_compared
+from cusick_bench.benchmark.plan import Plan
+from cusick_bench.benchmark.suite import benchmark, measure_beside, measure_compared
 from cusick_bench.benchmark.text import markdown
 from cusick_bench.cli import app
 from cusick_bench.cli.common import output

@@ -3,7 +3,6 @@
 They are listed explicitly, since frozen answers must have the same meaning years later.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 
@@ -35,17 +34,3 @@ ABSORBED = Equivalents(
     "a drape depends on stiffness over weight alone: a wrong weight only rescales the stiffness",
 )
 """Causes that the base model's own parameters absorb."""
-
-
-def partners(effect: str, named: Collection[str]) -> frozenset[str]:
-    """Causes among the given ones that silhouettes do not tell from an effect.
-
-    Args:
-        effect: The effect.
-        named: The causes.
-
-    Returns:
-        Their names, without that of the effect.
-    """
-    alike = frozenset[str]().union(*(group.effects for group in EQUIVALENTS if effect in group.effects))
-    return (alike - {effect}) & frozenset(named)
