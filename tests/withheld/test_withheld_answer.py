@@ -314,6 +314,15 @@ def test_a_folder_of_answers_among_the_cases_is_none(tmp_path: Path) -> None:
         answer_suite(cases, cases / "answers" / "answers.json", SHIPPED, QUICK)
 
 
+def test_answers_within_a_case_are_refused(tmp_path: Path) -> None:
+    """The case would be taken for the folder of the answers, and left out."""
+    cases = tmp_path / "cases"
+    for name in ("case_0001", "case_0002"):
+        write_toy(cases / name, samples=2)
+    with pytest.raises(WithheldError, match=r"answers\.json lies within the case case_0002; give a file outside"):
+        answer_suite(cases, cases / "case_0002" / "answers.json", SHIPPED, QUICK)
+
+
 def test_command_says_how_many_cases_are_refused(tmp_path: Path) -> None:
     (tmp_path / "cases" / "case_0001").mkdir(parents=True)
     arguments = ["withheld", "answer", str(tmp_path / "cases"), "--samples", "0", "--workers", "1", "--json"]

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import load
-from cusick_bench.datasets.files.layout import is_hidden
+from cusick_bench.datasets.errors import DataNotFound
+from cusick_bench.datasets.files.layout import is_hidden, scan
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document import answer as stated
@@ -103,17 +104,28 @@ def answer_suite(
         The document that was written.
 
     Raises:
-        WithheldError: No cases.
+        WithheldError: No cases, or `out` within one of them.
         DiagnosisError: An atlas that cannot be used.
     """
-    place = out.resolve()
-    folders = [folder for folder in case_folders(cases) if not place.is_relative_to(folder.resolve())]
+    place, folders = out.resolve(), case_folders(cases)
+    for own in [folder for folder in folders if place.is_relative_to(folder.resolve())]:
+        if _is_case(own):
+            raise WithheldError(f"{out} lies within the case {own.name}; give a file outside of the cases")
+        folders.remove(own)
     if not folders:
         raise WithheldError(
             f"no case folders in {cases} but that of {out}; give the folder that holds the cases' folders"
         )
     asked = dict.fromkeys(folders, options)
     return answer_each(asked, out, atlas, workers=workers, step=step)
+
+
+def _is_case(folder: Path) -> bool:
+    try:
+        scan(folder)
+    except DataNotFound:
+        return False
+    return True
 
 
 def answer_each(
