@@ -85,7 +85,7 @@ def test_drapes_that_are_written_are_counted(tmp_path):
         "--steps",
         "2",
         "--draws",
-        "100000",
+        "3000",
     ]
     words += ["--with-effect", "off-centre", "--out", str(out)]  # with effects one by one
     found = interrupted(words, lambda: any(out.glob("*.csv")))

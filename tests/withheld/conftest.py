@@ -16,7 +16,7 @@ def small_suite(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with `cases` and `labels`: a null, a listed effect and one that is on no list."""
     folder = tmp_path_factory.mktemp("suite")
     counts = {"null": 1, "single": 1, "pair": 0, "unknown": 1}
-    generate(Suite(4, counts, 250, 4, None), folder / "cases", folder / "labels")  # pyright: ignore[reportArgumentType]
+    generate(Suite(3, counts, 250, 4, None), folder / "cases", folder / "labels")  # pyright: ignore[reportArgumentType]
     return folder
 
 
@@ -26,6 +26,6 @@ def small_answers(small_suite: Path, tmp_path_factory: pytest.TempPathFactory) -
     out = tmp_path_factory.mktemp("answers") / "answers.json"
     before = numba.get_num_threads()
     numba.set_num_threads(1)
-    answer_suite(small_suite / "cases", out, SHIPPED, Options(samples=0))
+    answer_suite(small_suite / "cases", out, SHIPPED, Options(samples=0, always=False))  # as the command
     numba.set_num_threads(before)
     return out

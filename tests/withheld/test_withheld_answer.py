@@ -31,7 +31,7 @@ from cusick_bench.withheld.suite.design import EFFECTS
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.generate import Suite, generate
 
-QUICK = Options(samples=0)
+QUICK = Options(samples=0, always=False)
 
 
 def test_answers_keep_to_the_format(small_suite: Path, small_answers: Path) -> None:
@@ -155,7 +155,7 @@ def test_other_options_are_other_answers(
 ) -> None:
     shutil.copytree(small_suite / "cases" / "case_0001", tmp_path / "cases" / "case_0001")
     shutil.copytree(small_answers.with_name("answers.json.parts"), tmp_path / "answers.json.parts")
-    options = Options(samples=0, without=tuple(EFFECTS))
+    options = Options(samples=0, always=False, without=tuple(EFFECTS))
     (answer,) = answer_suite(tmp_path / "cases", tmp_path / "answers.json", SHIPPED, options).answers.values()
     assert set(answer.left_out) == set(EFFECTS)
     assert {name for name, _ in answer.causes} <= {"none", "unknown", "density-bias"}
@@ -355,6 +355,8 @@ def test_a_folder_for_the_file_is_refused_before_the_work(tmp_path: Path, comman
 def test_command(small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None) -> None:
     out = tmp_path / "answers.json"
     shutil.copytree(small_answers.with_name("answers.json.parts"), tmp_path / "answers.json.parts")
+    (part,) = (tmp_path / "answers.json.parts").rglob("case_0001.json")
+    part.unlink()  # it is answered anew
     arguments = ["withheld", "answer", str(small_suite / "cases"), "--out", str(out), "--samples", "0"]
     result = CliRunner().invoke(app, [*arguments, "--workers", "1", "--json"])
     assert result.exit_code == 0, result.output

@@ -155,6 +155,7 @@ def fabrics(fabric: FabricData) -> list[LaboratoryFabric]:
 
 
 class TestWhatAllShare:
+    @pytest.mark.slow
     def test_nothing_else_is_named_beside_it(self, fabrics: list[LaboratoryFabric]) -> None:
         found = laboratory(fabrics, np.random.default_rng(0), steps=10)
         assert found is not None

@@ -82,6 +82,7 @@ def test_intervals_of_what_is_shared_hold_the_stated_value(fabrics: list[Laborat
     assert (170 - low) % 360 > high - low
 
 
+@pytest.mark.slow
 class TestExchanges:
     def test_from_a_look_alike_what_acts_is_found(self, found: Exchanges) -> None:
         assert found.likeliest == frozenset(NAMES)

@@ -47,6 +47,7 @@ def test_the_other_axis_is_what_the_protocol_means_by_it(lopsided: Captures) -> 
     assert np.allclose(read_as(lopsided, "other-axis").cloth_frame(), about_x.cloth_frame())
 
 
+@pytest.mark.slow
 def test_mirrored_pictures_are_found(lopsided: Captures, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fabric_sets, "HIDDEN", {})  # fewer beginnings, for time
     emulator, calibration = load_atlas()
