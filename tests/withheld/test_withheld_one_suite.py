@@ -139,5 +139,8 @@ class TestWhatIsMeasuredLater:
         )
         found = with_oracle_closures(answered, {single: 0.5}, "oracle.json")
         assert found.labels[single].oracle_closure == 0.5
+        due = [case for case, one in answered.labels.items() if one.kind in ("single", "pair")]
+        assert found.notes[-1].startswith(f"oracle.json has the closures of 1 of {len(due)} cases; `withheld oracle`")
+        assert with_oracle_closures(answered, dict.fromkeys(due, 0.5), "oracle.json").notes == answered.notes
         with pytest.raises(WithheldError, match=f"other effects in {null}"):
             with_oracle_closures(answered, {null: 0.5}, "oracle.json")

@@ -11,7 +11,16 @@ from cusick_bench.withheld.answers.shown_shift import ShownShift
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import REFUSED, Answer, AnswersDocument, read_answers
 from cusick_bench.withheld.format.fields import finite_or_nan
-from cusick_bench.withheld.format.label import DETECTABLE, NULL, Label, LabelDocument, read_label_documents, truth_of
+from cusick_bench.withheld.format.label import (
+    DETECTABLE,
+    NULL,
+    PAIR,
+    SINGLE,
+    Label,
+    LabelDocument,
+    read_label_documents,
+    truth_of,
+)
 from cusick_bench.withheld.format.seal import (
     holds,
     published_files,
@@ -124,7 +133,7 @@ def with_oracle_closures(answered: LabelledAnswers, closures: OracleClosures, wh
         where: Path of their file, for messages.
 
     Returns:
-        The same answers with changed labels.
+        The same answers with changed labels, and a note where closures are missing.
 
     Raises:
         WithheldError: Closures of another suite.
@@ -136,7 +145,10 @@ def with_oracle_closures(answered: LabelledAnswers, closures: OracleClosures, wh
         case: replace(label, oracle_closure=finite_or_nan(closures[case])) if case in closures else label
         for case, label in answered.labels.items()
     }
-    return replace(answered, labels=labels)
+    due = [case for case, label in labels.items() if label.kind in (SINGLE, PAIR)]
+    known = sum(case in closures for case in due)
+    lacking = (f"{where} has the closures of {known} of {len(due)} cases; `withheld oracle` goes on with the others.",)
+    return replace(answered, labels=labels, notes=answered.notes + (lacking if known < len(due) else ()))
 
 
 def _of_another_suite(where: str, case: str, label: Label) -> WithheldError:
