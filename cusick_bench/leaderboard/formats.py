@@ -13,10 +13,8 @@ from rich.text import Text
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard
-from cusick_bench.leaderboard.cells.commands import machine, typed
 from cusick_bench.leaderboard.row import Row
-from cusick_bench.leaderboard.text import TextTable, text_table
-from cusick_bench.runner.environment import code_text
+from cusick_bench.leaderboard.text import TextTable, provenance_columns, text_table
 
 _STYLES = {"null": "yellow", "oracle": "magenta", "floor": "cyan", "solver": "bold"}
 _LATEX = str.maketrans(
@@ -156,12 +154,7 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
         "cloths": " ".join(row.cloths),
         "statistic": board.statistic,
         **numbers,
-        "dataset": board.dataset,
-        "dataset_hash": board.dataset_hash,
-        "protocol": board.protocol,
-        "command": typed(board.run.get("command", "")),
-        "code_version": row.code_version or code_text(board.run),
-        "hardware": machine(board.run),
+        **provenance_columns(board, row),
     }
 
 

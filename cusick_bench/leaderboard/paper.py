@@ -24,7 +24,15 @@ from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import method_label, variants
 from cusick_bench.leaderboard.gate.paired import holm
 from cusick_bench.leaderboard.row import Row
-from cusick_bench.leaderboard.text import Column, TextTable, best_of, provenance, short, with_interval
+from cusick_bench.leaderboard.text import (
+    Column,
+    TextTable,
+    best_of,
+    provenance,
+    provenance_columns,
+    short,
+    with_interval,
+)
 from cusick_bench.runner.labels import unspaced
 from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.black_box.nlopt_family import BENCHMARKED
@@ -203,7 +211,7 @@ def set_table(table: PaperTable) -> TextTable:
 
 
 def records(table: PaperTable) -> list[dict[str, Any]]:
-    """Every line in full, flat: all metrics with intervals, the published figures and the margins.
+    """Every line in full, flat: all metrics with intervals, the published figures, the margins and what made it.
 
     Args:
         table: From `make_table`.
@@ -226,6 +234,7 @@ def records(table: PaperTable) -> list[dict[str, Any]]:
             | {"loss_at_equal_time": line.at_equal_time}
             | {"folds_rejected": line.folds_rejected, "folds_tested": len(line.fold_tests)}
             | numbers
+            | provenance_columns(table.board, row)
         )
     return lines
 

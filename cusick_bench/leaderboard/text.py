@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
+from typing import Any
 
 from cusick_bench.leaderboard.board import Leaderboard
 from cusick_bench.leaderboard.bootstrap import Estimate
-from cusick_bench.leaderboard.cells.commands import typed
+from cusick_bench.leaderboard.cells.commands import machine, typed
 from cusick_bench.leaderboard.order import direction
 from cusick_bench.leaderboard.row import Row
 from cusick_bench.runner.environment import code_text, hardware_text
@@ -267,3 +268,23 @@ def provenance(board: Leaderboard) -> list[str]:
     if code := code_text(run):
         facts.append(f"Code: {code}, {run.get('time', '')}".rstrip(", "))
     return [f"{fact}." for fact in facts]
+
+
+def provenance_columns(board: Leaderboard, row: Row) -> dict[str, Any]:
+    """What is needed to make a row again, by column.
+
+    Args:
+        board: The leaderboard.
+        row: One of its rows.
+
+    Returns:
+        Data, split, command, code and hardware.
+    """
+    return {
+        "dataset": board.dataset,
+        "dataset_hash": board.dataset_hash,
+        "protocol": board.protocol,
+        "command": typed(board.run.get("command", "")),
+        "code_version": row.code_version or code_text(board.run),
+        "hardware": machine(board.run),
+    }

@@ -1,6 +1,7 @@
 """The paper's tables: what is run, what stands beside what, and curves read off traces."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,15 @@ class TestTable1:
             ("published", "MSE"),
             ("published", "H mm"),
         ]
+
+    def test_every_row_names_what_made_it(self, run):
+        table = self.lines(run)
+        board = replace(table.board, run={"command": "cusick-bench paper table-1", "cores": 2, "processor": "a chip"})
+        for row in records(replace(table, board=board)):
+            assert row["command"] == "cusick-bench paper table-1"
+            assert "a chip" in row["hardware"]
+            assert (row["dataset_hash"], row["protocol"]) == (board.dataset_hash, board.protocol)
+            assert row["code_version"]
 
     def test_other_cloths_are_said_to_be_others(self, run, tmp_path):
         assert not any("published figures are for" in note for note in self.lines(run).notes)
