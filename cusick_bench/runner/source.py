@@ -43,7 +43,7 @@ def _place(given: str, run: Path) -> dict[str, str]:
         path = Path(given).expanduser().resolve()
         place["path"] = str(path)
         with suppress(ValueError):  # Windows: on another drive
-            place["from_run"] = os.path.relpath(path, run.resolve())
+            place["from_run"] = Path(os.path.relpath(path, run.resolve())).as_posix()
     return place
 
 
