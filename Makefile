@@ -37,10 +37,12 @@ nightly: $(READY)  ## Kills at random moments, fuzzed loaders (hours); CUSICK_MO
 	$(BIN)/python -m pytest -q -m nightly
 
 check: $(READY)  ## The regression gate: have the solvers become worse than leaderboards/baseline.csv says?
+	rm -rf runs/check  # finished cells would be taken as they are, whatever has changed in the code
 	$(BIN)/cusick-bench run $(GATE) --workers 2 --out runs/check || test $$? -eq 1  # 1: a cell failed, which the check judges
 	$(BIN)/cusick-bench check runs/check --against leaderboards/baseline.csv
 
 baseline: $(READY)  ## Makes that baseline anew; commit it with the change that explains it
+	rm -rf runs/check
 	$(BIN)/cusick-bench run $(GATE) --workers 2 --out runs/check
 	$(BIN)/cusick-bench check runs/check --against leaderboards/baseline.csv --write
 
