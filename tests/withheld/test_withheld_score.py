@@ -18,6 +18,7 @@ from cusick_bench.withheld.scoring.calibration import (
     auroc,
     calibration_error,
     calibration_error_by_chance,
+    mean_interval,
     reliability,
     wilson_interval,
 )
@@ -320,6 +321,17 @@ class TestStatistics:
         assert wilson_interval(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
         assert wilson_interval(0, 20) == pytest.approx((0, 0.1611), abs=1e-4)
         assert wilson_interval(10, 200)[1] > 0.08 > wilson_interval(9, 200)[1] - 0.004
+
+    def test_interval_of_a_mean_is_that_of_students_t(self):
+        assert mean_interval(np.arange(1.0, 6.0)) == pytest.approx((3 - 2.7764 * 0.7071, 3 + 2.7764 * 0.7071), abs=1e-3)
+        assert mean_interval(np.array([0.2, 0.9]), 0, 1) == (0, 1), "two cases tell nothing but what a mean can be"
+        assert np.isnan(mean_interval(np.array([0.5]))).all()
+        assert np.isnan(mean_interval(np.full(5, 0.1))).all(), "cases that are alike tell nothing of how they scatter"
+
+    def test_interval_of_a_mean_of_five_cases_holds_it(self):
+        drawn = np.random.default_rng(0).normal(size=(2000, 5))
+        holds = [low < 0 < high for low, high in map(mean_interval, drawn)]
+        assert np.mean(holds) == pytest.approx(0.95, abs=0.015)
 
     def test_goal_on_false_positives_holds_for_the_bound_too(self):
         goal = Goal(high=0.05, highest_bound=0.08)

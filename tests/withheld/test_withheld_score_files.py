@@ -313,6 +313,20 @@ def test_what_all_resamples_agree_on_has_no_interval(tmp_path):
     assert mistaken.low < mistaken.value < 1
 
 
+def test_means_of_two_cases_have_the_wide_interval_that_two_cases_give(tmp_path):
+    """Sets of one and three names: Student's t with one degree of freedom, not the 1 to 3 of resamples."""
+    labels = {f"c{i}": label("creep", 2.0) for i in range(2)}
+    answers = {
+        "c0": answer("effect", ("creep", 1.0), p=1e-4),
+        "c1": answer("effect", ("creep", 0.5), ("camera-scale", 0.25), ("cut-size", 0.2), p=1e-4),
+    }
+    figures = scored(tmp_path, labels, answers).figures
+    found = {figure.name: figure for figure in figures if (figure.method, figure.subset) == (ANSWERS, CLEAR)}
+    size, stated = found["90 % set size"], found["exact effect (stated)"]
+    assert (size.value, size.low, size.high) == (2, 0, pytest.approx(2 + 12.706, abs=1e-3))
+    assert (stated.value, stated.low, stated.high) == (0.75, 0, 1)
+
+
 def test_a_page_lists_what_had_no_cases_instead_of_empty_lines(tmp_path):
     truth = {
         "case_1": label("none", None, severity=None),

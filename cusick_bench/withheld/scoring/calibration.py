@@ -1,6 +1,7 @@
-"""Calibration of probabilities, and how well a score separates two kinds of cases (AUROC).
+"""Calibration of probabilities, intervals of shares and means, and how well a score separates two kinds of cases.
 
 References:
+    Student. The probable error of a mean. Biometrika 6 (1908), 1-25.
     E. B. Wilson. Probable inference, the law of succession, and statistical inference. Journal of the American
         Statistical Association 22 (1927), 209-212.
     J. A. Hanley, B. J. McNeil. The meaning and use of the area under a receiver operating characteristic curve.
@@ -13,16 +14,19 @@ References:
 
 from collections.abc import Mapping
 from functools import lru_cache
-from math import log, nan
+from math import inf, log, nan
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.stats import binomtest, mannwhitneyu
+from scipy.stats import binomtest, mannwhitneyu, sem
+from scipy.stats import t as student
 
 BINS = 10
 PER_BIN = 15  # least number of cases in a bin
 LEAST_PROBABILITY = 1e-4  # least probability in the logarithmic score
+_SCATTER = 2  # cases below which nothing can be told of their scatter
+_ALIKE = 1e-9  # relative difference of cases that are alike but for rounding
 
 
 @lru_cache(maxsize=4096)
@@ -40,6 +44,23 @@ def wilson_interval(successes: int, cases: int) -> tuple[float, float]:
         return nan, nan
     interval = binomtest(successes, cases).proportion_ci(method="wilson")
     return float(interval.low), float(interval.high)
+
+
+def mean_interval(values: Float[ndarray, " cases"], least: float = -inf, greatest: float = inf) -> tuple[float, float]:
+    """95 % interval of a mean by Student's t, which holds it for few cases, too.
+
+    Args:
+        values: Value of each case.
+        least, greatest: Between which the mean is whatever the cases are.
+
+    Returns:
+        Lower and upper bound, within what the mean can be; NaN where fewer than two cases, or none that differ, tell
+        nothing of how they scatter.
+    """
+    if len(values) < _SCATTER or np.ptp(values) <= _ALIKE * np.abs(values).max():
+        return nan, nan
+    low, high = student.interval(0.95, len(values) - 1, loc=values.mean(), scale=sem(values))
+    return max(float(low), least), min(float(high), greatest)
 
 
 def auroc(

@@ -1,7 +1,8 @@
 """Figures of one method: each with its interval, for each subset of cases.
 
-Shares have Wilson's interval, which does not collapse where all cases went well; all other figures have a percentile
-bootstrap over cases. Where all resamples are alike, as of an area of 1, it tells nothing, and there is no interval.
+Shares have Wilson's interval, which does not collapse where all cases went well; means have that of Student's t, which
+counts how little a few cases tell of their scatter; areas under a curve have a percentile bootstrap over cases. Where
+all cases are alike, or all resamples, as of an area of 1, they tell nothing, and there is no interval.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from cusick_bench.withheld.scoring.calibration import (
     auroc,
     calibration_error,
     calibration_error_by_chance,
+    mean_interval,
     wilson_interval,
 )
 from cusick_bench.withheld.scoring.measures import (
@@ -36,7 +38,7 @@ from cusick_bench.withheld.scoring.subsets import subsets_of
 
 RESAMPLES = 1000
 _DIFFERENT = 2  # cases below which nothing can be resampled
-_ALIKE = 1e-9  # by which figures of equal cases may differ: sums are rounded
+_ALIKE = 1e-9  # by which areas of equal cases may differ: sums are rounded
 
 
 @dataclass(frozen=True)
@@ -103,10 +105,6 @@ class _Bootstrap:
         low, high = np.percentile(drawn, [2.5, 97.5])
         return float(low), float(high)
 
-    def mean_interval(self, values: Float[ndarray, " cases"]) -> tuple[float, float]:
-        """95 % interval of a mean."""
-        return (nan, nan) if len(values) < _DIFFERENT else self.interval(self.resampled(values).mean(1))
-
 
 def figures_of(
     method: str, cases: pd.DataFrame, generator: np.random.Generator | None, resamples: int = RESAMPLES
@@ -149,7 +147,7 @@ def _figure(
     if bootstrap is not None and measure.is_share:
         low, high = wilson_interval(round(float(values.sum())), len(values))
     elif bootstrap is not None:
-        low, high = bootstrap.mean_interval(values)
+        low, high = mean_interval(values, measure.least, measure.greatest)
     return Figure(method, measure.name, subset, mean, low, high, len(values), measure.goals.get(subset))
 
 

@@ -1,7 +1,7 @@
 """Definitions of the figures by which answers are scored: shares and means over judged cases, with their goals."""
 
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
 from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, SINGLE
 
@@ -25,8 +25,8 @@ class Goal:
     """
 
     low: float = 0.0
-    high: float = float("inf")
-    highest_bound: float = float("inf")
+    high: float = inf
+    highest_bound: float = inf
 
     def __str__(self) -> str:
         if self.low and isfinite(self.high):
@@ -59,6 +59,7 @@ class Measure:
         meaning: What it says, in a sentence.
         goals: What it should be, by subset of cases.
         is_share: Whether each case is a yes or a no.
+        least, greatest: Between which the mean lies, whatever the cases are.
         by_severity: Whether it is also given for each level of severity.
     """
 
@@ -68,6 +69,8 @@ class Measure:
     meaning: str
     goals: dict[str, Goal]
     is_share: bool = True
+    least: float = 0.0
+    greatest: float = 1.0
     by_severity: bool = True
 
 
@@ -140,6 +143,7 @@ MEASURES = (
         "mean number of names in it",
         {CLEAR: Goal(high=2.0)},
         is_share=False,
+        greatest=inf,
     ),
     Measure(
         "90 % set covers, any case",
@@ -170,6 +174,7 @@ MEASURES = (
         "of the probabilities over all outcomes; 0 is perfect, 2 the worst",
         {},
         is_share=False,
+        greatest=2.0,
         by_severity=False,
     ),
     Measure(
@@ -179,6 +184,7 @@ MEASURES = (
         "mean surprise at the truth [nat]",
         {},
         is_share=False,
+        greatest=inf,
         by_severity=False,
     ),
     Measure(
