@@ -168,6 +168,11 @@ class Solver(ABC):
         return 0
 
     @property
+    def drapes_of_inference(self) -> int | None:
+        """Drapes after which a larger budget changes nothing of its posterior any more; None where it always may."""
+        return None
+
+    @property
     def drapes_of_design(self) -> int:
         """Number of drapes before its first model, whose libraries a warm-up imports; 0 of one without a model."""
         return 0

@@ -16,6 +16,7 @@ from cusick_bench.diagnosis.options import LEAST_SAMPLES
 from cusick_bench.files.shell_word import shell_word
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
+from cusick_bench.solvers.registry import make_solver
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,9 +66,10 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
     else:
         notes.append("Stiffness is from the only sample; another piece of the cloth may be stiffer or limper.")
     if not fit.finished:
-        notes.append(
-            f"The solver used up its budget of {fit.drapes:.0f} drapes; a larger --budget may sharpen interval and fit."
-        )
+        inferred = make_solver(fit.solver).drapes_of_inference
+        known = inferred is not None and fit.drapes > inferred  # the last drape is that of the answer
+        better = "fit the drape shown more closely; the interval stays" if known else "sharpen interval and fit"
+        notes.append(f"The solver used up its budget of {fit.drapes:.0f} drapes; a larger --budget may {better}.")
     wide = [name for name, one in fit.stiffness.items() if one.ci90 is not None and one.ci90[1] > _WIDE * one.ci90[0]]
     if wide:
         notes.append(f"The interval of {', '.join(wide)} spans more than a factor of {_WIDE:g}.")

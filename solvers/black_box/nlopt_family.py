@@ -70,7 +70,8 @@ class NloptSolver(Solver):
     Attributes:
         search: Drapes to spend on the bending level first (see `level_search`), of which the best is the start; 0
             starts at the prior median.
-        step: First step of the gradient-free local algorithms [prior standard deviations].
+        step: First step of the gradient-free local algorithms [prior standard deviations]; LN_BOBYQA takes at most half
+            of the box's width.
         tolerance: Relative change of loss and parameters at which local algorithms end.
     """
 
@@ -87,6 +88,7 @@ class NloptSolver(Solver):
         budget = problem.meter.budget
         if self.algorithm.startswith("G") and budget.forward_equivalents is None and budget.seconds is None:
             raise SolverError(f"{self.name} searches globally and ends with its budget only: give --budget")
+        self._check_step(problem)
         incumbent = Incumbent(problem)
         finished = False
         with problem.meter.reserve(1):
@@ -97,6 +99,16 @@ class NloptSolver(Solver):
             except BudgetExceeded:
                 pass
         return prediction_at(problem, incumbent.tau, finished=finished)
+
+    def _check_step(self, problem: DrapeProblem) -> None:
+        """Refuses a first step that BOBYQA refuses without a word: on either side there must be room for it."""
+        lower, upper = problem.bounds
+        most = float((upper - lower).min()) / 2
+        if self.algorithm == "LN_BOBYQA" and self.step > most:
+            raise SolverError(
+                f"{self.name}'s step must be <= {most:g} prior standard deviations, half of the box's width, got "
+                f"{self.step:g}; leave it out for the usual one"
+            )
 
     def _optimise(self, incumbent: Incumbent, generator: np.random.Generator) -> bool:
         problem = incumbent.problem

@@ -109,6 +109,10 @@ class BdpField(Solver):
     def draws_asked_for(self) -> int:
         return self.draws
 
+    @property
+    def drapes_of_inference(self) -> int:
+        return self.search + self.first + self.rounds * self.cloths
+
     def samples_used(self, given: int) -> int:
         """As many as `samples` says."""
         return min(given, self.samples or given)

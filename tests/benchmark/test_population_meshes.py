@@ -52,6 +52,7 @@ def test_coarse_meshes_hold_up_limp_cloth_whose_membrane_is_as_given(groups):
     assert fine.points > 3
 
 
+@pytest.mark.slow
 def test_they_do_so_less_where_it_is_softened(groups):
     limp = {group.name: group for group in population_meshes((150, 480), 9, seed=3)}["limp"]
     given = {group.name: group for group in population_meshes((150, 480), 9, membrane="given", seed=3)}["limp"]

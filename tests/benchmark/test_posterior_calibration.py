@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark.posterior_calibration import calibration
@@ -20,6 +21,9 @@ from cusick_bench.benchmark.posterior_calibration.calibration import (
 )
 from cusick_bench.benchmark.posterior_calibration.table import FitFile
 from cusick_bench.cli import app
+from cusick_bench.problem.cloth_prior import CLOTH
+from cusick_bench.problem.cloth_tables import cloth_tables
+from cusick_bench.solvers.variational.bdp_field import BdpField
 
 QUICK = CalibrationPlan("bdp-field,draws=1,first=8,rounds=1,cloths=4,search=3,refinement=0", fits=2, vertices=80)
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -86,6 +90,33 @@ def test_a_fit_depends_on_its_number_alone_and_is_kept(tmp_path: Path) -> None:
     csv, page = file.write_table(rows, [QUICK])
     assert csv.read_text().startswith("solver,direction,fits,cover_50")
     assert plan_numerics(QUICK) in page.read_text()
+
+
+def test_the_truth_is_that_of_the_cloth_without_its_specimen_and_its_rank_the_share_of_draws_below(monkeypatch):
+    """With the uneven stiffness of one specimen in the truth intervals, which are of cloths, would seem narrow."""
+    drawn, truth, draped = [], [], calibration._draped
+
+    def kept(problem, generator):
+        drawn.append(draped(problem, generator))
+        return drawn[-1]
+
+    def found(solver, problem, prediction):
+        ((tau, _),) = drawn
+        _, bending = cloth_tables(problem.space.prior, torch.as_tensor(tau[:CLOTH]))
+        weft, bias, warp = bending.log().mean(1).exp().tolist()
+        truth.extend((warp, weft, bias))
+        return None, np.outer([0.5, 0.8, 0.9, 2.0], truth)
+
+    monkeypatch.setattr(calibration, "_draped", kept)
+    monkeypatch.setattr(BdpField, "solve", lambda self, problem, generator: None)
+    monkeypatch.setattr("cusick_bench.metrics.found_stiffness.find_stiffness", found)
+    fit = calibration_fit(replace(QUICK, law="paper"), 0)
+    assert fit.true == pytest.approx(truth)
+    assert fit.rank == (0.75, 0.75, 0.75)
+    assert fit.median == pytest.approx([0.85 * one for one in truth])
+    monkeypatch.setattr("cusick_bench.metrics.found_stiffness.find_stiffness", lambda *_: (None, None))
+    with pytest.raises(CalibrationError, match="gives no posterior of stiffness"):
+        calibration_fit(replace(QUICK, law="paper"), 0)
 
 
 def test_a_fit_that_fails_stops_no_other_and_is_told(tmp_path: Path, monkeypatch) -> None:
@@ -177,10 +208,19 @@ def test_a_damaged_file_says_where(tmp_path: Path) -> None:
         FitFile(tmp_path).read(QUICK)
 
 
-@pytest.mark.parametrize("solver", ["null:disc", "homo"])
+@pytest.mark.parametrize("solver", ["null:disc", "homo", "equilibrium-gap"])
 def test_who_has_no_posterior_is_refused(solver: str) -> None:
     with pytest.raises(CalibrationError, match="no posterior of stiffness; use bdp-field or bdp"):
-        calibration_fit(CalibrationPlan(solver, vertices=80, budget=3), 0)
+        CalibrationPlan(solver)
+
+
+def test_a_solver_without_posterior_is_refused_before_another_is_fitted(monkeypatch) -> None:
+    """It was after all fits of the other one, which then had no table, and a fit of its own."""
+    monkeypatch.setattr(calibration, "calibration_fit", lambda *_: pytest.fail("a cloth was fitted"))
+    words = ["posterior-calibration", "--solver", "bdp", "--solver", "homo", "--fits", "2", "--workers", "1"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 2
+    assert "homo has no posterior of stiffness; use bdp-field or bdp" in " ".join(result.stderr.split())
 
 
 def test_plans_that_fit_nothing_are_refused() -> None:

@@ -58,7 +58,7 @@ def _ends(group: int) -> bool:
     return False
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_run_says_what_is_kept_and_how_to_go_on(make_lab, tmp_path, workers):
     data = make_lab([1e-5, 4e-5], samples=2)
     words = ["run", "--data", str(data), "--out", str(tmp_path / "a run"), "--solver", "sobol", "--vertices", "97"]

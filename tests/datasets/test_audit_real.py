@@ -74,6 +74,7 @@ def test_real_pairings_and_rotations(measured):
     assert _share(rotations) >= 0.98
 
 
+@pytest.mark.slow
 def test_real_profiles(measured):
     root, _, rows = measured
     dataset = load(root)

@@ -62,6 +62,7 @@ def test_a_pinhole_camera_is_an_imaging_cause(emulator: Emulator, one_thread: No
     assert sum(value for name, value in found.probability.items() if name in alike) > 0.6
 
 
+@pytest.mark.slow
 def test_fabric_without_effect_is_left_in_peace(emulator: Emulator, one_thread: None) -> None:
     found = diagnose(simulated_captures(), emulator, options=Options(samples=0))
     assert found.verdict == NONE
@@ -71,7 +72,9 @@ def test_fabric_without_effect_is_left_in_peace(emulator: Emulator, one_thread: 
 
 def test_little_data_gets_what_is_possible(emulator: Emulator, one_thread: None) -> None:
     whole = simulated_captures(samples=3)
-    found = diagnose(whole.select((whole.side == "up") & (whole.capture == 1)), emulator, options=Options(samples=0))
+    others = {one.name for one in hypotheses(emulator)} - {"creep", "bending-friction", "camera-offset"}  # to save time
+    options = Options(samples=0, without=tuple(others))
+    found = diagnose(whole.select((whole.side == "up") & (whole.capture == 1)), emulator, options=options)
     assert found.verdict in (NONE, "ambiguous", UNKNOWN)
     assert any("natural variability is mostly the model's" in note for note in found.notes)
     assert any("one face" in note for note in found.notes)
@@ -79,7 +82,7 @@ def test_little_data_gets_what_is_possible(emulator: Emulator, one_thread: None)
     with pytest.raises(Refused, match="at least 2 samples, simulated has 1"):
         diagnose(whole.select(whole.sample == 1), emulator)
     missing = whole.select((whole.sample > 1) | (whole.capture == 1))
-    unequal = diagnose(missing, emulator, options=Options(samples=0))
+    unequal = diagnose(missing, emulator, options=options)
     assert any("captures are unequal, 1 to 2" in note for note in unequal.notes)
 
 

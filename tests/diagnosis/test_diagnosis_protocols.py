@@ -53,7 +53,7 @@ def rows(of: Captures) -> np.ndarray:
     return capture_statistics(scaled.cloth_frame(), scaled.protocol)
 
 
-@pytest.mark.parametrize("name", ["large images", "small cloth"])
+@pytest.mark.parametrize("name", [pytest.param("large images", marks=pytest.mark.slow), "small cloth"])
 def test_statistics_and_evidence_agree_with_the_releases_protocol(laboratories, name):
     ours, nominal = captures(laboratories, name), captures(laboratories, "release")
     assert (ours.sample.tolist(), ours.side.tolist()) == (nominal.sample.tolist(), nominal.side.tolist())

@@ -165,3 +165,19 @@ def test_a_rough_fit_is_told_with_both_drape_coefficients(simulated, told):
     words = f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one 50 %: the fit is rough."
     notes = " ".join(fit_notes(fit, 3, 600))
     assert (words in notes) == ("rough" in notes) == told
+
+
+@pytest.mark.parametrize(
+    ("solver", "drapes", "says"),
+    [
+        ("bdp-field,draws=8", 399, "may fit the drape shown more closely; the interval stays."),
+        ("bdp-field,draws=8", 312, "312 drapes; a larger --budget may sharpen interval and fit."),
+        ("bdp-field,draws=8,rounds=0", 121, "may fit the drape shown more closely; the interval stays."),
+        ("bdp", 399, "399 drapes; a larger --budget may sharpen interval and fit."),
+    ],
+)
+def test_a_larger_budget_is_advised_for_what_it_may_change(solver, drapes, says):
+    """By default each page advised it for the interval, which had been found long before the budget was used up."""
+    fit = made_up_fit().model_copy(update={"solver": solver, "drapes": float(drapes), "finished": False})
+    assert says in " ".join(fit_notes(fit, 3, 600))
+    assert "--budget" not in " ".join(fit_notes(fit.model_copy(update={"finished": True}), 3, 600))

@@ -363,6 +363,24 @@ class TestJournal:
         assert second.evaluate(0.9 * tau) == first.meter.trace[1].loss
         assert len(Journal(tmp_path)._past) == 2
 
+    def test_drapes_before_the_first_saved_state_are_not_made_again(self, tmp_path, monkeypatch):
+        """Those by which a solver looks for its start; gradients, which may be too long to be kept, are asked anew."""
+        first, tau = toy_problem(folder=tmp_path), np.zeros(39)
+        seen = [first.observe(tau), first.observe(tau + 0.1)]
+        first.evaluate_and_gradient(tau)
+        second, simulate, simulated = toy_problem(folder=tmp_path), DrapeProblem.simulate, []
+        monkeypatch.setattr(
+            DrapeProblem, "simulate", lambda self, taus, **how: simulated.append(1) or simulate(self, taus, **how)
+        )
+        assert second.restore() is None
+        assert second.meter.forward == 0
+        again = [second.observe(tau), second.observe(tau + 0.1)]
+        assert not simulated
+        assert [one.loss for one in again] == [one.loss for one in seen]
+        second.evaluate_and_gradient(tau)
+        assert simulated == [1]
+        assert second.meter.forward_equivalents == first.meter.forward_equivalents == 4
+
     def test_without_saved_state_a_solver_starts_afresh(self, tmp_path):
         toy_problem(folder=tmp_path).evaluate(np.zeros(39))
         problem = toy_problem(folder=tmp_path)

@@ -185,6 +185,7 @@ def test_what_a_solver_prints_never_reaches_standard_output(printing: Path, tmp_
     assert _all_said_elsewhere(result.stdout, result.stderr)
 
 
+@pytest.mark.slow
 def test_nor_does_what_it_prints_in_a_worker(printing: Path, tmp_path: Path):
     """Of a process of its own, whose workers share its standard output."""
     path = os.pathsep.join([str(printing), os.environ.get("PYTHONPATH", "")])

@@ -42,6 +42,7 @@ print(len(warm), *[name for name, types in late[0]])
 
 
 @pytest.mark.parametrize("arguments", [("homo", "drop"), ("homo", "equilibrium")], ids=" ".join)
+@pytest.mark.slow
 def test_everything_is_compiled_before_the_search(arguments):
     done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -116,6 +116,7 @@ class TestPool:
             assert two["spent"] == one["spent"]
             assert two["metrics"]["test_mse"] == pytest.approx(one["metrics"]["test_mse"], rel=1e-6)
 
+    @pytest.mark.slow
     def test_workers_do_not_say_again_what_is_odd_about_the_data(self, data, tmp_path, caplog, capfd):
         """Every worker reads the data set, and wrote the reader's warnings between the lines of progress."""
         lab = shutil.copytree(data, tmp_path / "lab")

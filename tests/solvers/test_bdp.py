@@ -244,6 +244,15 @@ class TestLearning:
             learned.append(answer.posterior["cloths"].mean(0))
         assert np.abs(learned[0] - learned[1]).max() > 0.05
 
+    def test_bdp_field_learns_nothing_of_the_cloth_from_drapes_after_its_inference(self):
+        solver = make_solver("bdp-field,draws=1,search=2,first=6,rounds=1,cloths=4,refinement=1")
+        assert solver.drapes_of_inference == 12
+        learned = []
+        for budget in (13, 20):
+            problem = toy_problem(space="field", budget=Budget(budget), vertices=60)
+            learned.append(solver.solve(problem, np.random.default_rng(0)).posterior["cloths"])
+        assert np.array_equal(*learned)
+
     def test_bdp_field_lays_a_face_that_lies_down_as_its_mirror_image(self, monkeypatch):
         """The fit of the specimen begins with the waves of the silhouette: in the cloth's frame, not the camera's."""
         laid = []

@@ -12,8 +12,8 @@ import torch
 from search_losses import losses_of_search
 
 from cusick_bench.benchmark.optimisers.runs import Plan, run_once
-from cusick_bench.solvers.bayesian_optimisation import gaussian_process, trust_region
-from cusick_bench.solvers.bayesian_optimisation.baxus import nesting
+from cusick_bench.solvers.bayesian_optimisation import baxus, gaussian_process, trust_region
+from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus, nesting
 from cusick_bench.solvers.bayesian_optimisation.trust_region import (
     LONGEST,
     TrustRegion,
@@ -234,3 +234,30 @@ class TestTrustRegion:
         shares = [plan.tolerance(2 * 4**level, 700) * 6 for level in range(1, 4)]
         assert sum(shares) == pytest.approx(700, rel=0.1)
         assert nesting(241_734, 4).tolerance(1, 500) == 1
+
+    def test_nested_subspaces_keep_what_was_evaluated_until_all_coordinates_are_apart(self, monkeypatch):
+        """Of 2, 8 and 10 dimensions of 10, then of 2 anew; each is left after one point."""
+        finer, seen, asked, split = [], [], [], baxus.split
+
+        def recorded(*words):
+            found = split(*words)
+            finer.append(found[0])
+            return found
+
+        def once(points, losses, region, candidates, generator):
+            seen.append((points, list(losses), region.tolerance))
+            point = generator.random(points.shape[1])
+            loss = yield 2 * point - 1
+            return np.vstack([points, point]), [*losses, loss]
+
+        monkeypatch.setattr(baxus, "split", recorded)
+        monkeypatch.setattr(baxus, "local_search", once)
+        search = Baxus(initial=3).search(10, 40, np.random.default_rng(1))
+        run_search(search, lambda point: asked.append(point) or float(len(asked)), 10)
+        assert [points.shape for points, *_ in seen] == [(3, 2), (4, 8), (5, 10), (3, 2)]
+        assert [losses for _, losses, _ in seen] == [[1, 2, 3], [1, 2, 3, 4], [1, 2, 3, 4, 5], [7, 8, 9]]
+        assert [tolerance for *_, tolerance in seen] == [1, 5, 10, 1]
+        for embedding, (points, *_) in zip(finer, seen[1:], strict=False):
+            assert np.stack([embedding.lift(2 * point - 1) for point in points]) == pytest.approx(
+                np.stack(asked[: len(points)])
+            )

@@ -94,6 +94,16 @@ class TestDrapes:
         with pytest.raises(SolverError, match="got"):
             make_solver(text)
 
+    @pytest.mark.parametrize("search", [0, 2])
+    def test_a_first_step_that_has_no_room_in_the_box_is_refused(self, search):
+        """BOBYQA refuses it without a word; after a search for the level that was the answer, as if it had searched."""
+        problem = toy_problem(budget=Budget(6), vertices=60)
+        with pytest.raises(SolverError, match=r"step must be <= 3 prior standard deviations, .* got 3\.5; leave"):
+            self._answer(f"nlopt:LN_BOBYQA,step=3.5,search={search}", problem)
+        assert problem.meter.forward == 0
+        self._answer("nlopt:LN_BOBYQA,step=3", problem)
+        assert problem.meter.forward == 6
+
 
 def test_the_list_of_solvers_waits_for_no_slow_package():
     code = (

@@ -28,6 +28,29 @@ def test_level_search_finds_the_stiffness():
         assert math.exp(level) == pytest.approx(truth, rel=0.4)
 
 
+@pytest.mark.parametrize(
+    ("target", "limpest", "found", "drapes"),
+    [(0.6, -9.0, 0.405, 6), (0.9, 1.2, 2.197, 8), (0.999, -9.0, 4.394, 5), (0.01, -9.0, -4.394, 5)],
+    ids=["within reach", "limp cloth fails", "too stiff", "too limp"],
+)
+def test_level_search_steps_out_of_failures_and_not_beyond_all_fabrics(target, limpest, found, drapes, monkeypatch):
+    """Drape coefficients that rise with the log level as 1 / (1 + exp(-level)); below `limpest` drapes fail."""
+    problem, asked = toy_problem(vertices=60), []
+
+    def coefficient(incumbent, tau):
+        asked.append((problem.space.prior.bending_root @ tau[24:]).mean())
+        if asked[-1] < limpest:
+            raise DrapeDiverged("planted")
+        return 1 / (1 + math.exp(-asked[-1]))
+
+    monkeypatch.setattr(Incumbent, "drape_coefficient", coefficient)
+    monkeypatch.setattr("cusick_bench.solvers.level_search.drape_coefficient_of", lambda image, protocol: target)
+    level = match_bending_level(Incumbent(problem), 12)
+    assert level == pytest.approx(found, abs=0.05)
+    assert len(asked) <= drapes
+    assert np.abs(asked).max() <= math.log(100)
+
+
 def test_homo_recovers_bending_stiffness():
     problem = toy_problem(bending=2.0, budget=Budget(100), laid_as_true=True)
     start = problem.evaluate(np.zeros(39))

@@ -56,6 +56,9 @@ class CalibrationPlan:
         budget: Most forward-equivalents of each fit.
         law: Material law of truth and fit.
         seed: Seed of the cloths.
+
+    Raises:
+        CalibrationError: A solver that draws from no posterior, or no fits.
     """
 
     solver: str = "bdp-field"
@@ -66,10 +69,11 @@ class CalibrationPlan:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        from cusick_bench.solvers.base import Solver
         from cusick_bench.solvers.registry import make_solver
 
         solver = make_solver(self.solver)
-        if solver.kind != "solver" or solver.needs_mesh:
+        if solver.kind != "solver" or solver.needs_mesh or type(solver).redraw is Solver.redraw:
             raise CalibrationError(f"{self.solver} has no posterior of stiffness; use bdp-field or bdp")
         if self.fits < 1:
             raise CalibrationError(f"fits must be >= 1, got {self.fits}")

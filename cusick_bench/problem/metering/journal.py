@@ -239,8 +239,8 @@ class Journal:
     def rewind(self, evaluations: int) -> list[Entry]:
         """Keeps the first `evaluations` entries of the earlier run, without replaying them.
 
-        For solvers that go on from their own checkpoint instead of being fed from the journal. Drapes that follow
-        are replayed, if there is a checkpoint; whatever else follows is forgotten.
+        For solvers that go on from their own checkpoint, or begin anew where there is none, instead of being fed from
+        the journal. Drapes that follow are replayed; whatever else follows is forgotten.
 
         Args:
             evaluations: Number of entries that are kept.
@@ -249,7 +249,7 @@ class Journal:
             The entries kept.
         """
         done, rest = self._past[:evaluations], self._past[evaluations:]
-        drapes = takewhile(lambda entry: entry.evaluation.kind in ("drape", "draw"), rest if done else [])
+        drapes = takewhile(lambda entry: entry.evaluation.kind in ("drape", "draw"), rest)
         self._past, self._position = done + list(drapes), len(done)
         if self.folder is not None:
             self._open(self._past)

@@ -18,7 +18,8 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 
 def test_a_headline_says_what_acts_and_what_is_left(emulator: Emulator) -> None:
     captures = simulated_captures("camera-offset", 4e-3, samples=4)
-    found = diagnose(captures, emulator, options=Options(samples=0))
+    others = tuple({one.name for one in hypotheses(emulator)} - {"camera-offset", "creep"})  # to save time
+    found = diagnose(captures, emulator, options=Options(samples=0, without=others))
     doubtful = {UNKNOWN: 0.55, "camera-offset": 0.3, "plate-tilt": 0.1, NONE: 0.05}
     for kept in ((UNKNOWN, "camera-offset", "plate-tilt"), ("camera-offset", "plate-tilt")):
         said = headline(replace(found, verdict="ambiguous", probability=doubtful, set90=kept))

@@ -49,9 +49,10 @@ def test_differences_by_chance_are_one_standard_error(emulator: Emulator, faces:
     assert np.sqrt(np.mean(np.square(made))) == pytest.approx(expected, rel=0.05)
 
 
-def test_effects_of_the_camera_move_the_fabrics_own_outlines(emulator: Emulator) -> None:
-    captures = read_captures(load("synthetic"), "fabric_2")
-    found = diagnose(captures, emulator, options=Options(samples=0))
+def test_effects_of_the_camera_move_the_fabrics_own_outlines(
+    emulator: Emulator, diagnosed: tuple[Captures, Diagnosis]
+) -> None:
+    _, found = diagnosed
     (scale,) = (one for one in hypotheses(emulator) if one.name == "camera-scale")
     found = replace(found, causes=(Candidate(scale, {"error": 0.02}, 0.0, 0.0, 0.0),))
     (row,) = (row for row in statistic_rows(found) if row.name == "mean_radius")

@@ -165,6 +165,7 @@ class TestWhatAllShare:
         assert low - 0.01 <= BETWEEN["direction"] <= high + 0.01
         assert high - low < 10, "finer than a step of the grid, 15 deg"
 
+    @pytest.mark.slow
     def test_a_walk_goes_on_where_it_was_on_finer_grids(self, fabrics: list[LaboratoryFabric]) -> None:
         points = [shared_points(one) for one in fabrics]
         start = int(

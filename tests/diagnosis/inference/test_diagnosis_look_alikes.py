@@ -68,6 +68,7 @@ def found(fabrics: list[LaboratoryFabric]) -> Exchanges:
     return exchanges
 
 
+@pytest.mark.slow
 def test_intervals_of_what_is_shared_hold_the_stated_value(fabrics: list[LaboratoryFabric]) -> None:
     """Which is refined after the walk, and may leave its densest point."""
     walk = started_from(fabrics, "camera-offset")

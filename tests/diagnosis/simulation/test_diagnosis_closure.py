@@ -91,7 +91,7 @@ def test_severity_between_the_grids_points_is_found(emulator: Emulator, monkeypa
     assert found.closure > 0.8
 
 
-@pytest.mark.parametrize("named", ["camera-scale", "face-asymmetry"])
+@pytest.mark.parametrize("named", ["camera-scale", pytest.param("face-asymmetry", marks=pytest.mark.slow)])
 def test_the_nearer_of_two_look_alikes_is_taken(
     emulator: Emulator, monkeypatch: pytest.MonkeyPatch, named: str
 ) -> None:
@@ -178,6 +178,7 @@ def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pyte
     assert shares[-1] <= 1
 
 
+@pytest.mark.slow
 def test_closure_is_the_same_however_the_cloth_is_turned_over(
     emulator: Emulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:

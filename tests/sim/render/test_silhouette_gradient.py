@@ -139,6 +139,7 @@ def test_gradients_of_a_batch_and_of_single_precision_vertices():
     torch.testing.assert_close(gradient[1], expected.float())
 
 
+@pytest.mark.slow
 def test_a_gradient_follows_a_process_that_only_rendered(tmp_path):
     """Kernels that one process leaves in the cache serve the next, whichever of them it needs."""
     code = """
