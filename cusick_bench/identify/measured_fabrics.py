@@ -8,7 +8,7 @@ from it: nine quantiles of each quantity over all fabrics and over ranges of wei
 
 Stiffness there is that of small curvatures. This project's value is a mean over curvatures up to 40 /m, where the same
 fabrics are a tenth less stiff, which changes percentiles by 1 to 3. Drapes suggest that stiffness rises with curvature
-(trait `hardening` in `cusick_bench.problem.cloth_prior`): by that percentiles of the stiffness at rest would be far lower.
+(trait `hardening` in `cusick_bench.problem.cloth_prior`): percentiles at rest would be far lower.
 
 References:
     Feng, Huang, Xu, Wang. Learning-Based Bending Stiffness Parameter Estimation by a Drape Tester. ACM TOG 41(6),
