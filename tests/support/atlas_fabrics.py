@@ -1,6 +1,7 @@
 """Fabrics whose answer is known: drawn from the statistics of the atlas itself, or simulated on another mesh."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -42,6 +43,7 @@ def residual_of(emulator: Emulator, specimens: np.ndarray, drift: np.ndarray) ->
     return fabric_of(emulator, specimens, drift).against()
 
 
+@cache
 def simulated_captures(cause: str = "", severity: float = 0.0, *, samples: int = 8, seed: int = 3) -> Captures:
     """Two captures of each face of samples of a simulated fabric on another mesh than the atlas'."""
     setups = BaseModel(600, meshes=40).samples(THETA, samples, (900, seed))

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from atlas_fabrics import simulated_captures
-
+from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.headline import headline
@@ -14,12 +13,13 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import (
     Candidate,
 )
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
+from cusick_bench.diagnosis.measure.captures import read_captures
 
 
 def test_a_headline_says_what_acts_and_what_is_left(emulator: Emulator) -> None:
-    captures = simulated_captures("camera-offset", 4e-3, samples=4)
+    captures = read_captures(load("synthetic"), "fabric_1")
     others = tuple({one.name for one in hypotheses(emulator)} - {"camera-offset", "creep"})  # to save time
-    found = diagnose(captures, emulator, options=Options(samples=0, without=others))
+    found = diagnose(captures.select(captures.sample <= 3), emulator, options=Options(samples=0, without=others))
     doubtful = {UNKNOWN: 0.55, "camera-offset": 0.3, "plate-tilt": 0.1, NONE: 0.05}
     for kept in ((UNKNOWN, "camera-offset", "plate-tilt"), ("camera-offset", "plate-tilt")):
         said = headline(replace(found, verdict="ambiguous", probability=doubtful, set90=kept))
