@@ -11,7 +11,11 @@ OUT ?= runs/bench
 GATE := --data synthetic --law plate --solver homo --solver nlopt:LN_BOBYQA --solver nlopt:GN_ESCH --solver null:disc \
   --solver null:random-phase,draws=50 --vertices 297 --steps 40 --budget 30 --seeds 2
 
-.PHONY: bench test slow nightly audit check baseline lint types imports packaging docs picture readme clean
+.DEFAULT_GOAL := help
+.PHONY: help bench test slow nightly audit check baseline lint types imports packaging docs picture readme clean
+
+help:  ## This list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "cusick-bench needs Python 3.11 or newer; pass PYTHON=..."'
@@ -46,14 +50,14 @@ baseline: $(READY)  ## Makes that baseline anew; commit it with the change that 
 	$(BIN)/cusick-bench run $(GATE) --workers 2 --out runs/check
 	$(BIN)/cusick-bench check runs/check --against leaderboards/baseline.csv --write
 
-lint: $(READY)
+lint: $(READY)  ## Faults and format of the code (ruff)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(READY)
+types: $(READY)  ## Types (pyright)
 	$(BIN)/pyright
 
-imports: $(READY)
+imports: $(READY)  ## The import contracts in pyproject.toml
 	$(BIN)/lint-imports
 
 packaging: $(READY)  ## Wheel, sdist, editable install and a clone without symbolic links, each run outside the checkout

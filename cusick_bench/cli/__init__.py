@@ -112,6 +112,7 @@ app = typer.Typer(
     name="cusick-bench",
     cls=Commands,
     help=__doc__,
+    epilog="Begin with `simulate` (a drape), `run` (a fit) or `identify` (your own fabrics); see docs/first-run.md.",
     no_args_is_help=True,
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -15,7 +15,14 @@ import typer
 from cusick_bench.cli.completion import complete_cloth, complete_data, complete_effect, complete_solver
 from cusick_bench.cli.written_paths import outside_package
 from cusick_bench.diagnosis.options import ONE_SAMPLE
-from cusick_bench.sim.constants import DEFAULT_LAW, HEAVIEST_CLOTH, LIGHTEST_CLOTH, VERTICES_OF_PAPER
+from cusick_bench.sim.constants import (
+    DEFAULT_LAW,
+    HEAVIEST_CLOTH,
+    LIGHTEST_CLOTH,
+    VERTICES_OF_PAPER,
+    VERTICES_OF_TRUTH,
+    VERTICES_TO_FIT,
+)
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -162,8 +169,8 @@ VerticesByLaw = Annotated[
         "--vertices",
         min=1,
         max=MOST_VERTICES,
-        help="Vertices of the cloth's mesh, 60 or more; by default what the law needs, "
-        f"{VERTICES_OF_PAPER} under laws paper and published.",
+        help=f"Vertices of the cloth's mesh, 60 or more; by default {VERTICES_OF_TRUTH} in `simulate` and "
+        f"{VERTICES_TO_FIT} elsewhere under law plate, {VERTICES_OF_PAPER} under laws paper and published.",
         show_default=False,
     ),
 ]

@@ -38,7 +38,7 @@ def diagnose_controls(
         typer.Option(
             "--cloth",
             "--fabric",
-            help="Cloth to control; repeatable; by default all with six samples.",
+            help="Cloth to test the diagnosis on; repeatable; by default all with six samples or more.",
             autocompletion=complete_cloth,
         ),
     ] = None,
@@ -82,8 +82,8 @@ def diagnose_controls(
     chosen = list(dict.fromkeys(fabric or fabrics_to_control(dataset)))
     if not chosen:
         raise DiagnosisError(
-            f"no fabric of {data} has {LEAST_SAMPLES} samples, from which on all controls can be tried; picture more, "
-            "or name a fabric with --fabric for the controls that it allows"
+            f"no fabric of {data} has {LEAST_SAMPLES} samples, from which on all controls can be tried; photograph "
+            "more, or name a fabric with --fabric for the controls that it allows"
         )
     words = ["cusick-bench", "diagnose-controls", data]
     words += [*repeated_option("--fabric", fabric or ()), *repeated_option("--control", control or ())]

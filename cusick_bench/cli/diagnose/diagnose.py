@@ -46,7 +46,7 @@ def diagnose_data(
         typer.Option(
             "--cloth",
             "--fabric",
-            help="Cloth to diagnose; repeatable; by default all with three samples.",
+            help="Cloth to diagnose; repeatable; by default all with three samples or more.",
             autocompletion=complete_cloth,
         ),
     ] = None,

@@ -101,11 +101,13 @@ def _sentence(found: TurnOver, about_x: bool) -> str:
     """What the silhouettes say, and what to do."""
     if found.told is None and not found.wrong:
         return (
-            f"The silhouettes do not tell (no way is ahead by {found.least:.0f} nat): more fabrics, or stiffer and "
-            "less even ones, tell more."
+            f"The silhouettes do not tell: no way is ahead by the {found.least:.0f} nat that are required. More "
+            "fabrics, or stiffer and less even ones, tell more."
         )
     if found.told is None:
-        return "Pictures of the lower face are not as the protocol says; which other way they are is not told."
+        return (
+            "Pictures of the lower face are not as the protocol says; the silhouettes do not tell which way they are."
+        )
     says = _SAYS[found.told]
     if found.told == "as-said":
         return f"{says[0].upper()}{says[1:]}."
@@ -121,7 +123,8 @@ def _sentence(found: TurnOver, about_x: bool) -> str:
 def _print(found: TurnOver, about_x: bool, notes: Sequence[str]) -> None:
     from cusick_bench.diagnosis.inference.laboratory.turn_over import WAYS
 
-    table = Table("nat, less as the protocol says", *WAYS, title="ln of the joint density with the likeliest effects")
+    title = "ln of the joint density with the likeliest effects, minus that of pictures as the protocol says [nat]"
+    table = Table("fabric", *WAYS, title=title)
     for name, values in found.by_fabric.items():
         table.add_row(name, *(f"{values[way]:.1f}" for way in WAYS))
     if len(found.by_fabric) > 1:

@@ -64,7 +64,7 @@ def generate_suite(
     pairs: Annotated[int, _cases_option(min=0, max=MOST_CASES, help="Cases with two effects.")] = 22,
     unknown: Annotated[
         int,
-        _cases_option(min=0, max=MOST_CASES, help="Cases with an effect that no answerer has on its list."),
+        _cases_option(min=0, max=MOST_CASES, help="Cases with an effect that is not on the list of effects."),
     ] = 48,
     multiples: Annotated[
         list[float] | None,

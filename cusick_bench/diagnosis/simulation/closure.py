@@ -113,28 +113,33 @@ def closures(
     every = np.arange(len(samples.specimens))
     parts = [every] if len(every) < _LEAST else _halves(samples.specimens)
     instead = look_alikes or {}
-    tried = [sum(one.hypothesis.name in instead for one in causes) for causes in compared]
-    more = max(tried, default=0)
-    fits = 1 + sum(bool(causes) for causes in compared) + (more + sum(tried)) / 2  # an exchange is half a fit
-    steps = len(parts) * fits
+    exchanges = [sum(one.hypothesis.name in instead for one in causes) for causes in compared]
+    more = max(exchanges, default=0)
+    done_after = _shares_of_work(compared, exchanges, more)
     held_out, base, with_causes = [], [], [[] for _ in compared]
     for number, held in enumerate(parts):
         fitted = every if len(parts) == 1 else np.setdiff1d(every, held)
         model = _Model(emulator, samples, fitted, residual, draping, (_SEED, draping.seed, number))
         held_out.append(samples.specimens[held])
         base.append(_simulated(model, (), refit, more=more).drapes)
-        done = number / len(parts) + (1 + more / 2) / steps
-        for drapes, causes, exchanges in zip(with_causes, compared, tried, strict=True):
-            progress(done)
+        for drapes, causes, done in zip(with_causes, compared, done_after, strict=False):
+            progress((number + done) / len(parts))
             if causes:
                 drapes.append(_exchanged(model, _simulated(model, causes, refit), instead).drapes)
-                done += (1 + exchanges / 2) / steps
     if len(parts) == 1:
         return [Closure(None, base[-1], effect[-1] if effect else None) for effect in with_causes]
     return [
         _closure(held_out, base, effect, residual.sd, np.random.default_rng([_SEED, draping.seed]))
         for effect in with_causes
     ]
+
+
+def _shares_of_work(
+    compared: Sequence[tuple[Candidate, ...]], exchanges: Sequence[int], more: int
+) -> Float[ndarray, "models"]:
+    """Share of a fold that is done after the base model and after each alternative; an exchange is half a fit."""
+    work = [1 + more / 2, *(bool(causes) + count / 2 for causes, count in zip(compared, exchanges, strict=True))]
+    return np.cumsum(work) / sum(work)
 
 
 def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, ...], draping: Draping) -> Gap | None:

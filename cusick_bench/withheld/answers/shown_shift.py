@@ -34,6 +34,7 @@ from pydantic import Field, TypeAdapter, model_validator
 from pydantic.dataclasses import dataclass
 from scipy.optimize import nnls
 
+from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.detectability.power import NEEDED
 from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
@@ -216,10 +217,7 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
         noise = float(((first - second) ** 2).sum()) / 4
     refitted = float(((refit.white - plain.white) ** 2).sum()) / calibration.inflation**2
     size = float(np.sqrt(max(min(float(shift @ shift), refitted) - noise, 0.0)))
-    others = [one for one in hypotheses(emulator) if one.name not in acting] if size else []
-    directions = {name: np.zeros((0, len(shift))) for name in {one.name: None for one in others}}
-    for one in others:  # of some effects there are several, one for each frame
-        directions[one.name] = np.vstack([directions[one.name], _directions(grid_at(emulator, one, residual))])
+    directions = _directions_of_others(emulator, residual, acting) if size else {}
     cosines = {name: float((unit @ shift).max()) / size for name, unit in directions.items() if len(unit)}
     nearest = max(cosines, key=cosines.__getitem__, default="")
     left = float(np.sqrt(max(unmatched(shift, directions) - noise, 0.0)))
@@ -228,8 +226,19 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
     return ShownShift(shift=size, nearest=nearest, alike=min(cosines[nearest], 1.0), left=min(left, size))
 
 
+def _directions_of_others(
+    emulator: Emulator, residual: Residual, acting: Collection[str]
+) -> dict[str, Float[ndarray, "points kept"]]:
+    """Unit shifts of every effect that does not act, of all parameters that it may have, by name."""
+    found: dict[str, list[ndarray]] = {}
+    for one in hypotheses(emulator):  # of some effects there are several, one for each frame
+        if one.name not in acting:
+            found.setdefault(one.name, []).append(_directions(grid_at(emulator, one, residual)))
+    return {name: np.vstack(directions) for name, directions in found.items()}
+
+
 def _directions(grid: Grid) -> Float[ndarray, "points kept"]:
-    """Unit shifts of an effect, of all parameters that it may have."""
+    """Unit shifts of one hypothesis, of all parameters that it may have."""
     moved = grid.shift[np.isfinite(grid.log_prior)]
     return moved / np.linalg.norm(moved, axis=1, keepdims=True)
 

@@ -50,6 +50,8 @@ from cusick_bench.sim.laws.plate import (
 )
 from cusick_bench.sim.laws.vectors import CHUNKS, combine, cross, dot, kernel
 
+_K11, _K12, _K21, _K22, _NN, _PHI_1, _PHI_2, _PHI_1_T, _PHI_2_T = range(0, 81, 9)  # first number of each block
+_BYTES = BLOCK_BYTES // 9  # of a number
 EDGE_BLOCKS, VERTEX_BLOCKS = 81, 36
 """Numbers that a point keeps: blocks K_11, K_12, K_21 and K_22 row by row, and at edges n n^T, Phi_1, Phi_2, Phi_1^T
 and Phi_2^T."""
@@ -79,12 +81,12 @@ def _membrane(xu, xv, table, rest, scale, exact, block):
     next_u, next_v = combine(shear, xu, half * t12, xv), combine(half * t12, xu, scale * t11, xv)
     for i in range(3):
         for j in range(3):
-            block[3 * i + j] = xu[i] * by_u[j] + xv[i] * by_v[j]
-            block[9 + 3 * i + j] = xu[i] * both_u[j] + xv[i] * both_v[j]
-            block[27 + 3 * i + j] = xu[i] * next_u[j] + xv[i] * next_v[j]
-        block[4 * i] += scale * uu
-        block[9 + 4 * i] += half * uv
-        block[27 + 4 * i] += scale * vv
+            block[_K11 + 3 * i + j] = xu[i] * by_u[j] + xv[i] * by_v[j]
+            block[_K12 + 3 * i + j] = xu[i] * both_u[j] + xv[i] * both_v[j]
+            block[_K22 + 3 * i + j] = xu[i] * next_u[j] + xv[i] * next_v[j]
+        block[_K11 + 4 * i] += scale * uu
+        block[_K12 + 4 * i] += half * uv
+        block[_K22 + 4 * i] += scale * vv
     return (
         scale * psi, combine(scale * stress[0], xu, half * stress[2], xv),
         combine(half * stress[2], xu, scale * stress[1], xv),
@@ -120,15 +122,16 @@ def _add_geometric(xu, xv, n, length, total, size, block):
                 by_u = cross(xv, push)
                 by_v = combine(1.0, cross(push, xu), 1.0, cross(total, e))  # C . (dx_,1 x dx_,2)
                 for i in range(3):
-                    block[3 * i + axis] += by_u[i]
-                    block[9 + 3 * axis + i] += by_v[i]
+                    block[_K11 + 3 * i + axis] += by_u[i]
+                    block[_K12 + 3 * axis + i] += by_v[i]
             else:
                 by_v = cross(push, xu)
                 for i in range(3):
-                    block[27 + 3 * i + axis] += by_v[i]
+                    block[_K22 + 3 * i + axis] += by_v[i]
+            phi, transposed = (_PHI_1, _PHI_1_T) if r == 0 else (_PHI_2, _PHI_2_T)
             for i in range(3):
-                block[45 + 9 * r + 3 * axis + i] = flat[i]
-                block[63 + 9 * r + 3 * i + axis] = flat[i]
+                block[phi + 3 * axis + i] = flat[i]
+                block[transposed + 3 * i + axis] = flat[i]
 
 
 @kernel()
@@ -136,7 +139,7 @@ def _put_transposed(block):
     """K_21 from K_12."""
     for i in range(3):
         for j in range(3):
-            block[18 + 3 * j + i] = block[9 + 3 * i + j]
+            block[_K21 + 3 * j + i] = block[_K12 + 3 * i + j]
 
 
 @kernel()
@@ -202,7 +205,7 @@ def edge_stiffness(
             )  # fmt: skip
             for i in range(3):
                 for j in range(3):
-                    own[36 + 3 * i + j] = n[i] * n[j]
+                    own[_NN + 3 * i + j] = n[i] * n[j]
             if exact:
                 c = combine(1.0, combine(m0, c0, m1, c1), m2, c2)
                 _add_geometric(xu, xv, n, length, c, m0 * k0 + m1 * k1 + m2 * k2, own)
@@ -308,20 +311,20 @@ def gather_stiffness(
                 p, w = point[at], (scale * weight[at, 0], scale * weight[at, 1])
                 block = vertex_block[member, p - offset] if p >= offset else edge_block[member, p]
                 kept = block.ctypes.data
-                put_blocks(by_u, w, (kept, kept + 2 * BLOCK_BYTES))
-                put_blocks(by_v, w, (kept + BLOCK_BYTES, kept + 3 * BLOCK_BYTES))
+                put_blocks(by_u, w, (kept + _BYTES * _K11, kept + _BYTES * _K21))
+                put_blocks(by_v, w, (kept + _BYTES * _K12, kept + _BYTES * _K22))
                 first, end = term_start[entry], term_start[entry + 1]
                 if p >= offset:
                     for term in range(first, end):
                         i = other[term]
                         add_blocks(to + BLOCK_BYTES * slots[term], (weight[i, 0], weight[i, 1]), (by_u, by_v))
                     continue
-                n, h0, h1, h2 = kept + 4 * BLOCK_BYTES, scale * bent[at, 3], scale * bent[at, 4], scale * bent[at, 5]
+                n, h0, h1, h2 = kept + _BYTES * _NN, scale * bent[at, 3], scale * bent[at, 4], scale * bent[at, 5]
                 if exact:
                     push = (scale * bent[at, 6],)
-                    add_blocks(by_u, push, (kept + 7 * BLOCK_BYTES,))
-                    add_blocks(by_v, push, (kept + 8 * BLOCK_BYTES,))
-                    put_blocks(flat, w, (kept + 5 * BLOCK_BYTES, kept + 6 * BLOCK_BYTES))
+                    add_blocks(by_u, push, (kept + _BYTES * _PHI_1_T,))
+                    add_blocks(by_v, push, (kept + _BYTES * _PHI_2_T,))
+                    put_blocks(flat, w, (kept + _BYTES * _PHI_1, kept + _BYTES * _PHI_2))
                     for term in range(first, end):
                         i = other[term]
                         h = h0 * bent[i, 0] + h1 * bent[i, 1] + h2 * bent[i, 2]

@@ -99,18 +99,26 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
 
 
 def _leading(model: SetModel, others: Sequence[int], options: ndarray, beyond: ndarray) -> Float[ndarray, "causes"]:
-    """Probability of what accounts for most: the effect with the largest shift, or unlisted causes if larger."""
+    """Probability of what accounts for most: the effect with the largest shift, or unlisted causes if larger.
+
+    Args:
+        model: The fabric.
+        others: Points in the other places.
+        options: Probability of each point in the place that is filled, and last of nothing.
+        beyond: Probability of each of `ANY_SIZES`, for each option.
+    """
     points = model.points
-    number = len(points.names)
+    none = len(points.names)
+    unknown = none + 1  # causes are numbered: effects, `none`, `unknown`
     size = np.append(points.size(), 0.0)
-    first = max(others, key=lambda point: size[point], default=None)
-    least = 0.0 if first is None else float(size[first])
-    free = ANY_SIZES * np.sqrt(model.misfit.forbidden)
-    unknown = np.minimum((beyond * (free > np.maximum(size, least)[:, None])).sum(1), 1.0)
-    rest = number if first is None else int(points.effect[first])  # `none` where the set is empty
-    leader = np.append(np.where(size[:-1] > least, points.effect, rest), rest)
-    leading = np.bincount(leader, options * (1 - unknown), minlength=number + 2)
-    leading[number + 1] = float(options @ unknown)
+    largest_other = max(others, key=lambda point: size[point], default=None)
+    least = 0.0 if largest_other is None else float(size[largest_other])
+    of_others = none if largest_other is None else int(points.effect[largest_other])
+    leader = np.append(np.where(size[:-1] > least, points.effect, of_others), of_others)
+    unlisted_size = ANY_SIZES * np.sqrt(model.misfit.forbidden)
+    unlisted_leads = np.minimum((beyond * (unlisted_size > np.maximum(size, least)[:, None])).sum(1), 1.0)
+    leading = np.bincount(leader, options * (1 - unlisted_leads), minlength=unknown + 1)
+    leading[unknown] = float(options @ unlisted_leads)
     return leading
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.special import logsumexp
 
@@ -57,6 +57,21 @@ class Place:
     resolution: tuple[float, float] | None = None
 
 
+def _cells(grid: Grid) -> tuple[Int[ndarray, "entries"], Int[ndarray, "entries"]]:
+    """Points of a grid of patches and the cells of the map that they lie in, numbered sector by sector, ring by ring.
+
+    A point in a direction on the border of two sectors lies in both, and comes twice.
+    """
+    ring = np.argmin(np.abs(np.array(RINGS)[:, None] - grid.values["radius"]), axis=0)
+    position = grid.values["direction"] * SECTORS / 360
+    sector, before = (np.floor(position - distance).astype(int) % SECTORS for distance in (0.0, 1e-9))
+    point, on_border = np.arange(len(position)), before != sector
+    return (
+        np.concatenate([point, point[on_border]]),
+        np.concatenate([ring * SECTORS + sector, (ring * SECTORS + before)[on_border]]),
+    )
+
+
 class PatchMaps:
     """Maps from the patches of all hypotheses, one for each vector of residuals.
 
@@ -69,19 +84,15 @@ class PatchMaps:
         self._grids = [
             grid for grid in grids if grid.hypothesis.effect.located == "patch" and only in (None, grid.hypothesis.name)
         ]
-        rows, cells, first = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)], 0
+        points, cells, first = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)], 0
         for grid in self._grids:
-            ring = np.argmin(np.abs(np.array(RINGS)[:, None] - grid.values["radius"]), axis=0)
-            position = grid.values["direction"] * SECTORS / 360
-            # A direction between the middles of two sectors is shared between both.
-            before, after = (np.floor(position - d).astype(int) % SECTORS for d in (1e-9, 0.0))
-            row, shared = first + np.arange(len(position)), before != after
-            rows += [row, row[shared]]
-            cells += [ring * SECTORS + after, (ring * SECTORS + before)[shared]]
-            first += len(position)
+            point, cell = _cells(grid)
+            points.append(first + point)
+            cells.append(cell)
+            first += len(grid.shift)
         cell = np.concatenate(cells)
         order = np.argsort(cell, kind="stable")
-        self._rows = np.concatenate(rows)[order]
+        self._rows = np.concatenate(points)[order]  # points of all grids, in the order of their cells
         self._cells, self._starts, self._counts = np.unique(cell[order], return_index=True, return_counts=True)
 
     def of(self, white: Float[ndarray, "kept"]) -> Float[ndarray, "4 16"]:
