@@ -82,6 +82,9 @@ class Fitting:
         parameters: A batch of cloths.
         body: What the skirt is worn on, or None.
         drag: Deceleration by the air per velocity [1/s].
+
+    Raises:
+        GarmentError: Cloths that were drawn for another skirt, or are no batch, or a drag that is none.
     """
 
     skirt: Skirt
@@ -89,6 +92,25 @@ class Fitting:
     parameters: Parameters
     body: Body | None
     drag: float = AIR
+
+    def __post_init__(self) -> None:
+        mesh, p, members = self.skirt.mesh, self.parameters, self.members
+        tables = {"stretch": (len(mesh.faces), 6, 4), "bending": (len(mesh.hinges), 3, 5)}
+        fields = {"mass": (mesh.vertices,), "rest_angle": (len(mesh.hinges),)}
+        for name, shape in (tables | fields).items():
+            found, shared = getattr(p, name).shape, (members, 1, *shape[1:])
+            if found != (members, *shape) and not (name in tables and found == shared):
+                raise GarmentError(
+                    f"cloths of this skirt must be a batch with {name} of shape {(members, *shape)}, got {found}; draw "
+                    "them for its mesh (Cloth.draw)"
+                )
+        if not 0 <= self.drag < np.inf:
+            raise GarmentError(f"the drag of the air must be >= 0 1/s and finite, got {self.drag}")
+
+    @property
+    def members(self) -> int:
+        """Number of skirts."""
+        return len(self.parameters.mass)
 
     @classmethod
     def of(
@@ -109,8 +131,11 @@ class Fitting:
             The skirts on the body.
 
         Raises:
-            GarmentError: The body is too wide for the skirt.
+            GarmentError: The body is too wide for the skirt, the cloths are not of this skirt, or gravity or drag are
+                out of range.
         """
+        if not 0 < gravity < np.inf:
+            raise GarmentError(f"gravity must be > 0 m/s2 and finite, got {gravity}")
         if body is not None:
             depth, _ = body.depth(skirt.start[~skirt.waist])
             if depth.max() > _DEEPEST_START:
@@ -129,8 +154,26 @@ class Fitting:
 
         Returns:
             The state at time 0.
+
+        Raises:
+            GarmentError: Positions of other skirts, or not finite.
         """
+        self.check_positions(laid)
         return State(laid, np.zeros_like(laid))
+
+    def check_positions(self, positions: Float[ndarray, "members vertices 3"]) -> None:
+        """Checks that positions are of these skirts.
+
+        Args:
+            positions: Positions of the vertices [m].
+
+        Raises:
+            GarmentError: They have another shape, or are not finite.
+        """
+        shape = (self.members, self.skirt.mesh.vertices, 3)
+        if positions.shape != shape or not np.isfinite(positions).all():
+            found = f"shape {positions.shape}" if positions.shape != shape else "NaN or infinity"
+            raise GarmentError(f"positions of the skirts must be finite with shape {shape}, got {found}")
 
     @cached_property
     def _spacing(self) -> float:
@@ -266,20 +309,22 @@ def hang(
         progress: Called with the steps done and the most that there can be.
 
     Returns:
-        The last state, and which skirts rest: their root-mean-square speed is below `AT_REST`.
+        The last state, and which skirts rest: the twirl is over, and their root-mean-square speed is below `AT_REST`.
 
     Raises:
+        GarmentError: Positions of other skirts or not finite, or a time or step that is not positive.
         DrapeDiverged: A skirt flies apart.
     """
+    _require_positive(seconds=seconds, step_seconds=step_seconds)
     state, factor = fitting.start(laid), None
-    steps = max(round(seconds / step_seconds), 1)
+    steps, twirl = max(round(seconds / step_seconds), 1), TWIRL
     for step in range(steps):
         twirl = TWIRL * max(1 - step * step_seconds / TWIRL_SECONDS, 0.0)
         state, factor = fitting.advance(state, STILL, step_seconds, factor, twirl=twirl)
         progress(step + 1, steps)
         if not twirl and (step + 1) % _STEPS_BETWEEN_CHECKS == 0 and (state.speeds() < AT_REST).all():
             break
-    return State(state.positions, state.velocities), state.speeds() < AT_REST
+    return State(state.positions, state.velocities), (state.speeds() < AT_REST) & (twirl == 0)
 
 
 def walk(
@@ -301,15 +346,27 @@ def walk(
         Times [s] and positions [m] of the frames; the first is the start.
 
     Raises:
+        GarmentError: Skirts at rest that are others or not finite, or a time, step or number that is out of range.
         DrapeDiverged: A skirt flies apart.
     """
+    _require_positive(step_seconds=step_seconds)
+    if not (0 <= settle < np.inf and every >= 1):
+        raise GarmentError(f"settle must be >= 0 s and finite, and every >= 1, got {settle} s and {every}")
+    fitting.check_positions(rest.positions)
     state, factor = State(rest.positions, rest.velocities), None
-    times, frames = [0.0], [state.positions]
     steps = round((motion.seconds + settle) / step_seconds)
-    for step in range(steps):
+    times = np.zeros(steps // every + 1)
+    frames = np.empty((len(times), *state.positions.shape))  # of a long motion gigabytes, which a list would hold twice
+    frames[0] = state.positions
+    for step in range(1, steps + 1):
         state, factor = fitting.advance(state, motion, step_seconds, factor)
-        progress(step + 1, steps)
-        if (step + 1) % every == 0:
-            times.append(state.time)
-            frames.append(state.positions)
-    return np.array(times), np.stack(frames)
+        progress(step, steps)
+        if step % every == 0:
+            times[step // every], frames[step // every] = state.time, state.positions
+    return times, frames
+
+
+def _require_positive(**numbers: float) -> None:
+    for name, value in numbers.items():
+        if not 0 < value < np.inf:
+            raise GarmentError(f"{name} must be > 0 s and finite, got {value}")

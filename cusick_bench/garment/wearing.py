@@ -24,6 +24,7 @@ from cusick_bench.sim.errors import DrapeDiverged
 _LAYING_LENGTH = 0.08  # [m] correlation length of the height in which a skirt is put on
 _MOST_HEIGHT = 0.1  # [m] largest standard deviation of that height
 _SHORTEST_PERIOD = 0.2  # [s] of a motion, ten steps; at a step a period or a half, the waist would stand still
+_SHORTEST_MOTION = 0.1  # [s] five steps; it begins and ends at rest, so that in one step the waist would stand still
 _CLOTH, _LAYING = 3, 4  # streams of random numbers
 
 Progress = Callable[[str, int, int], None]  # told what is done, the steps done, and of how many
@@ -44,7 +45,8 @@ class Wearing:
         seed: Seed of pattern, draws and heights.
 
     Raises:
-        GarmentError: No such kind, no draws, a height in which no skirt is put on, or a motion too quick for the steps.
+        GarmentError: No such kind, no draws, a height in which no skirt is put on, or a motion too quick
+            or too short for the steps.
     """
 
     kind: str = "circular"
@@ -63,11 +65,17 @@ class Wearing:
             raise GarmentError(f"the number of draws must be at least 1, got {self.draws}")
         if not 0 <= self.laying_height <= _MOST_HEIGHT:
             raise GarmentError(f"the laying height must be from 0 to {_MOST_HEIGHT:g} m, got {self.laying_height:g}")
-        if self.motion is not None and self.motion.period < _SHORTEST_PERIOD:
-            raise GarmentError(
-                f"the period of the waist's motion must be at least {_SHORTEST_PERIOD:g} s, ten steps of the "
-                f"simulation, got {self.motion.period:g} s"
-            )
+        if self.motion is None:
+            return
+        for name, value, least, steps in (
+            ("period", self.motion.period, _SHORTEST_PERIOD, "ten"),
+            ("duration", self.motion.seconds, _SHORTEST_MOTION, "five"),
+        ):
+            if value < least:
+                raise GarmentError(
+                    f"the {name} of the waist's motion must be at least {least:g} s, {steps} steps of the simulation, "
+                    f"got {value:g} s"
+                )
 
 
 @dataclass(frozen=True, eq=False)

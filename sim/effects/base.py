@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 EffectClass = Literal["material", "history", "boundary", "contact", "imaging"]
 Role = Literal["severity", "direction", "radius", "size"]
+Place = Literal["", "direction", "patch", "ring"]
+GradientWay = Literal["adjoint", "differences"]
 KINDS: tuple[str, ...] = get_args(EffectClass)
 """Classes of effects."""
 Values = Mapping[str, "float | Tensor"]
@@ -35,8 +37,8 @@ class Parameter:
     Attributes:
         name: E.g. `curvature`.
         unit: E.g. `1/m`; `1` of a pure number.
-        low, high: Bounds.
-        typical: A value that is met in practice.
+        low, high: Bounds; finite, and those of a severity hold 0.
+        typical: A value that is met in practice; of a severity not 0.
         source: Where `typical` comes from.
         role: `severity` (0 = the effect is absent; each effect has exactly one), `direction` [deg], `radius` or
             `size` [m].
@@ -91,8 +93,8 @@ class Effect(ABC):
     physics: ClassVar[str]
     reference: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    located: ClassVar[Literal["", "direction", "patch", "ring"]] = ""
-    gradient: ClassVar[Literal["adjoint", "differences"]] = "differences"
+    located: ClassVar[Place] = ""
+    gradient: ClassVar[GradientWay] = "differences"
     face_odd: ClassVar[bool] = False
     repeatable: ClassVar[bool] = True
     version: ClassVar[int] = 1

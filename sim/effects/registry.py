@@ -6,14 +6,15 @@ A package elsewhere registers its own through an entry point in the group `cusic
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
-from cusick_bench.sim.effects.base import KINDS, Effect, Parameter
+from cusick_bench.sim.effects.base import KINDS, Effect, GradientWay, Parameter, Place, Role
 from cusick_bench.sim.effects.boundary.cut_size import CutSize
 from cusick_bench.sim.effects.boundary.off_centre import OffCentre
 from cusick_bench.sim.effects.boundary.plate_radius import PlateRadius
@@ -124,8 +125,22 @@ def _fault(made: Effect) -> str:
         return "must have a name without colons, which part a name from its parameters; give it another one"
     if made.kind not in KINDS:
         return f"must be of a class (kind) among {', '.join(KINDS)}, got {made.kind!r}; correct it"
+    for name, choices in (("located", get_args(Place)), ("gradient", get_args(GradientWay))):
+        if (stated := getattr(made, name)) not in choices:
+            return f"must state `{name}` as one of {', '.join(map(repr, choices))}, got {stated!r}; correct it"
+    return _parameter_fault(made)
+
+
+def _parameter_fault(made: Effect) -> str:
+    """What is wrong with an effect's parameters; empty where nothing is."""
     if odd := [parameter for parameter in made.parameters if not isinstance(parameter, Parameter)]:
         return f"must have parameters of the class Parameter, got {odd[0]!r:.60}; correct it"
+    names = [parameter.name for parameter in made.parameters]
+    if twice := [name for name in names if names.count(name) > 1]:
+        return f"must have parameters of different names, got {twice[0]!r} twice; rename one"
+    for p in made.parameters:
+        if p.role not in get_args(Role):
+            return f"must have a role of {p.name} among {', '.join(get_args(Role))}, got {p.role!r}; correct it"
     severities = sum(parameter.role == "severity" for parameter in made.parameters)
     if severities != 1:
         return f"must have one parameter with the role severity, has {severities}; state one"
@@ -134,9 +149,18 @@ def _fault(made: Effect) -> str:
             f"has a direction, so it must be located 'direction' or 'patch', got {made.located!r}; state `located`"
         )
     for p in made.parameters:
+        if not (math.isfinite(p.low) and math.isfinite(p.high)):
+            return f"must have finite bounds of {p.name}, got {p.low:g} to {p.high:g}{p.unit_text}; correct them"
         if not p.low <= p.usual <= p.high:
             what = "typical" if p.role == "severity" else "default"
             return f"must have a {what} {p.name} of {p.low:g} to {p.high:g}{p.unit_text}, got {p.usual:g}; correct it"
+    severity = made.severity
+    if not severity.low <= 0 <= severity.high or severity.typical == 0:
+        return (  # a diagnosis counts severities in typical ones, from the absent effect on
+            f"must have a {severity.name} that is 0 where the effect is absent: its bounds must hold 0, and its "
+            f"typical value must be another, got {severity.low:g} to {severity.high:g}, typical "
+            f"{severity.typical:g}{severity.unit_text}; correct it"
+        )
     return ""
 
 

@@ -54,6 +54,22 @@ class Sideways(Idle):
     parameters = (
         Parameter("load", "1", 0, 1, 0.5, "none"), Parameter("towards", "deg", 0, 360, 0, "any", role="direction")
     )
+class Factor(Idle):
+    parameters = (Parameter("factor", "1", 0.5, 2.0, 1.2, "none"),)
+class Untold(Idle):
+    parameters = (Parameter("load", "1", 0, 1, 0.0, "none"),)
+class Endless(Idle):
+    parameters = (Parameter("load", "1", 0, float("inf"), 0.5, "none"),)
+class Twice(Idle):
+    parameters = (Parameter("load", "1", 0, 1, 0.5, "none"), Parameter("load", "m", 0, 1, 0.5, "none", role="size"))
+class Miswritten(Idle):
+    parameters = (
+        Parameter("load", "1", 0, 1, 0.5, "none"), Parameter("towards", "deg", 0, 360, 0, "any", role="directon")
+    )
+class Elsewhere(Weather):
+    kind, located = "boundary", "sector"
+class Exact(Weather):
+    kind, gradient = "boundary", "exact"
 class Colon(Idle):
     name = "odd:one"
 """
@@ -271,6 +287,13 @@ def test_members_of_a_built_in_family_stay_what_they_are(register):
         ("Commaless", "cannot be used .TypeError: 'Parameter' object is not iterable"),
         ("Worded", "must have parameters of the class Parameter, got 'load'; correct it"),
         ("Boundless", "cannot be used .TypeError"),
+        ("Factor", "must have a factor that is 0 where the effect is absent.*got 0.5 to 2, typical 1.2; correct it"),
+        ("Untold", "typical value must be another, got 0 to 1, typical 0; correct it"),
+        ("Endless", "must have finite bounds of load, got 0 to inf"),
+        ("Twice", "must have parameters of different names, got 'load' twice"),
+        ("Miswritten", "must have a role of towards among severity, direction, radius, size, got 'directon'"),
+        ("Elsewhere", "must state `located` as one of '', 'direction', 'patch', 'ring', got 'sector'"),
+        ("Exact", "must state `gradient` as one of 'adjoint', 'differences', got 'exact'"),
         ("Sideways", "has a direction, so it must be located 'direction' or 'patch', got ''; state `located`"),
     ],
 )

@@ -77,6 +77,30 @@ def test_sizes_for_a_reference_want_one(tmp_path):
     assert "--reference-vertices is about the table that --reference names" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "option", "beside"),
+    [
+        (
+            ["--runner-cells", "40", "--vertices", "297"],
+            "--vertices",
+            "--runner-cells, which measures the runner alone",
+        ),
+        (["--runner-cells", "40", "--law", "paper"], "--law", "--runner-cells"),
+        (["--runner-cells", "40", "--full"], "--full", "--runner-cells"),
+        (
+            ["--device-only", "--device", "cpu:torch", "--gradient-vertices", "97"],
+            "--gradient-vertices",
+            "--device-only",
+        ),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(words: list[str], option: str, beside: str, tmp_path):
+    done = CliRunner().invoke(app, ["benchmark", *words, "--out", str(tmp_path / "b.json")], env={"COLUMNS": "400"})
+    assert done.exit_code == 2
+    assert f"{option} does nothing beside {beside}" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_is_named_twice_is_measured_once(monkeypatch, tmp_path):
     plans = []
 

@@ -1,6 +1,7 @@
 """Skirts of all cloths of a run side by side: the command, its picture and its page."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,11 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.cli.simulate.garment import _cells_of
 from cusick_bench.garment import GarmentError, WaistMotion, cloth_of_numbers
+from cusick_bench.garment.measurement import measure
 from cusick_bench.garment.page import write_page
 from cusick_bench.garment.side_by_side import save_side_by_side
-from cusick_bench.garment.skirt import SkirtSize
-from cusick_bench.garment.wearing import Wearing, wear
+from cusick_bench.garment.skirt import SkirtSize, circular_skirt
+from cusick_bench.garment.wearing import Wearing, Worn, wear
 from cusick_bench.identify.document import Drapes, FabricIdentity, IdentifyDocument, Made
 from cusick_bench.runner import Store
 
@@ -237,6 +239,25 @@ def test_a_run_without_any_simulated_cloth_is_refused(tmp_path: Path):
     result = _compare(str(tmp_path), *SMALL)
     assert result.exit_code == 2
     assert "has found any stiffness" in " ".join(result.output.split())
+
+
+def test_moments_are_a_quarter_a_half_and_three_quarters_through_the_motion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Not through what is simulated, which goes on until the cloth settles."""
+    cloth, motion = cloth_of_numbers(density=0.2, bending=(1e-5, 1e-5, 1e-5)), WaistMotion(seconds=0.8)
+    skirt, times = circular_skirt(SkirtSize(length=0.3), 150), 0.04 * np.arange(41)
+    frames = skirt.start + times[:, None, None, None] * [0, 0, 1.0]
+    still = Worn(cloth, Wearing(), skirt, frames[0], np.ones(1, bool), [measure(skirt, skirt.start)], times, frames)
+    heights = []
+
+    def drawn(skirt, positions, *_, **__):
+        heights.append(positions[0, 2])
+        return np.zeros((8, 8, 4), np.uint8)
+
+    monkeypatch.setattr("cusick_bench.garment.side_by_side.draw_skirt", drawn)
+    save_side_by_side([replace(still, wearing=Wearing(motion=motion))], tmp_path / "moving.png")
+    assert heights == pytest.approx([0, 0.2, 0.4, 0.6])
 
 
 def test_a_single_draw_at_rest_has_no_spread_and_no_motion(tmp_path: Path):

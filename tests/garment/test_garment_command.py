@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 from worn_skirts import learned_posterior, skirt_cell
 
 from cusick_bench.cli import app
-from cusick_bench.garment import Body
-from cusick_bench.garment.output import write_rest
+from cusick_bench.garment import Body, WaistMotion
+from cusick_bench.garment.measurement import seen_from_above, seen_from_front
+from cusick_bench.garment.output import write_motion, write_rest
 from cusick_bench.garment.pictures import draw_skirt, reach
 from cusick_bench.garment.skirt import SkirtSize, circular_skirt
 from cusick_bench.sim.cloth.obj import read_obj
@@ -103,6 +104,7 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         (["--from", "nowhere", "--shear", "60"], "--shear is about a cloth given by numbers"),
         ([*NUMBERS, "--dynamic", "--period", "0"], "period and duration > 0"),
         ([*NUMBERS, "--dynamic", "--period", "0.04"], "period of the waist's motion must be at least 0.2 s"),
+        ([*NUMBERS, "--dynamic", "--duration", "0.02"], "duration of the waist's motion must be at least 0.1 s, five"),
         ([*NUMBERS, "--laying-height", "5"], "the laying height must be from 0 to 0.1 m, got 5"),
         ([*NUMBERS, "--laying-height", "-0.01"], "the laying height must be from 0 to 0.1 m, got -0.01"),
         (
@@ -135,6 +137,28 @@ def test_the_turntable_may_have_few_pictures(tmp_path: Path, pictures: int, in_s
     write_rest(tmp_path, skirt, skirt.start[None], "blue", None, pictures=pictures)
     with Image.open(tmp_path / "turntable.png") as strip, Image.open(tmp_path / "draw_0000.png") as one:
         assert strip.size == (in_strip * one.width, one.height)
+
+
+def test_silhouettes_are_dark_cloth_on_white_and_lie_under_their_own_names(tmp_path: Path):
+    skirt = circular_skirt(SkirtSize(length=0.3), 150)
+    x = skirt.start * [0.9, 0.6, 1] + [0, 0, -0.1]
+    write_rest(tmp_path, skirt, x[None], "blue", None, pictures=1)
+    for name, seen in (("above", seen_from_above(skirt, x)), ("front", seen_from_front(skirt, x))):
+        with Image.open(tmp_path / f"draw_0000_{name}.png") as picture:
+            np.testing.assert_array_equal(np.asarray(picture), np.round(255 * (1 - seen)))
+    assert seen_from_above(skirt, x).sum() > 2 * seen_from_front(skirt, x).sum()
+
+
+@pytest.mark.parametrize(("frames", "shown"), [(5, 5), (10, 5)])
+def test_an_animation_lasts_as_long_as_the_motion(frames: int, shown: int, tmp_path: Path):
+    skirt, motion = circular_skirt(SkirtSize(length=0.3), 150), WaistMotion(sway=0.1)
+    times = 0.08 * np.arange(frames)
+    x = np.stack([skirt.start + motion.pose(time)[1] for time in times])[:, None]
+    write_motion(tmp_path, skirt, times, x, motion, "blue", None, most_pictures=5)
+    with Image.open(tmp_path / "motion.gif") as animation:
+        seconds = [image.info["duration"] / 1000 for image in ImageSequence.Iterator(animation)]
+    assert len(seconds) == shown
+    assert sum(seconds) == pytest.approx(0.08 * frames)
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,19 @@ import pytest
 from numpy import ndarray
 from worn_skirts import SIZE, fitted_skirts, laid_skirts, skirt_cloth
 
-from cusick_bench.garment import STILL, Body, SkirtSize, WaistMotion, a_line_skirt, circular_skirt, hang, walk
-from cusick_bench.garment.fitting import State
+from cusick_bench.garment import (
+    STILL,
+    Body,
+    Fitting,
+    GarmentError,
+    SkirtSize,
+    WaistMotion,
+    a_line_skirt,
+    circular_skirt,
+    hang,
+    walk,
+)
+from cusick_bench.garment.fitting import AT_REST, State
 from cusick_bench.garment.measurement import measure
 from cusick_bench.sim.engine.dynamics.drop import drop
 
@@ -43,6 +54,52 @@ def test_a_gliding_skirt_falls_as_one_at_rest_does():
         moving, _ = fitting.step(moving, glide, 0.03)
     np.testing.assert_allclose(moving.positions - glide.pose(0.36)[1], still.positions, atol=1e-8)
     assert np.abs(still.positions - laid).max() > 0.02
+
+
+@dataclass(frozen=True)
+class Spinning(WaistMotion):
+    """A waist that turns evenly, without end."""
+
+    def pose(self, time: float) -> tuple[ndarray, ndarray]:
+        cosine, sine = np.cos(5.0 * time), np.sin(5.0 * time)
+        return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]]), np.zeros(3)
+
+
+def test_a_skirt_that_turns_with_its_waist_hangs_as_in_a_twirl_the_better_the_shorter_the_steps():
+    """Cloth that turns evenly is held out by its inertia; steps are straight: the error falls with their size."""
+    skirt = circular_skirt(SIZE, 180)
+    fitting = fitted_skirts(skirt, drag=0.0)
+    twirled = fitting.start(laid_skirts(skirt, 1))
+    for _ in range(200):
+        twirled, _ = fitting.step(twirled, STILL, 0.04, twirl=5.0)
+    errors = []
+    for h in (0.02, 0.01):
+        turned = State(twirled.positions, 5.0 * np.cross([0, 0, 1.0], twirled.positions))
+        for _ in range(round(0.6 / h)):
+            turned, _ = fitting.step(turned, Spinning(), h)
+        errors.append(np.abs(turned.positions @ Spinning().pose(0.6)[0] - twirled.positions)[0, skirt.hem].mean())
+    assert errors[0] < 0.02
+    assert errors[1] < 0.65 * errors[0]
+
+
+@dataclass(frozen=True)
+class Turned(WaistMotion):
+    """A waist that stands still, turned by 2 rad."""
+
+    def pose(self, time: float) -> tuple[ndarray, ndarray]:
+        cosine, sine = np.cos(2.0), np.sin(2.0)
+        return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]]), np.zeros(3)
+
+
+def test_a_turned_wearer_wears_the_skirt_as_one_who_faces_the_front():
+    skirt, body = a_line_skirt(SIZE, 180), Body(hip=0.15)
+    fitting, laid, turn = fitted_skirts(skirt, skirt_cloth(3e-6), body=body), laid_skirts(skirt, 1), Turned().pose(0)[0]
+    front, turned = fitting.start(laid), fitting.start(laid @ turn.T)
+    for _ in range(25):
+        front, _ = fitting.step(front, STILL, 0.03)
+        turned, _ = fitting.step(turned, Turned(), 0.03)
+    np.testing.assert_allclose(turned.positions @ turn, front.positions, atol=1e-8)
+    assert (body.depth(front.positions[0, ~skirt.waist])[0] > 0).any()  # it lies on the hips
 
 
 def test_in_thick_air_the_hem_sinks_at_its_terminal_speed():
@@ -88,6 +145,19 @@ def test_cloth_slides_over_the_body_and_stays_outside():
     assert body.depth(rest.positions[0, free])[0].max() < 1e-3
     assert body.depth(without.positions[0, free])[0].max() > 0.01
     assert (body.depth(rest.positions[0, free])[0] > 0).any()  # it is worn, not hung in the air
+
+
+def test_cloth_that_flies_at_the_body_stops_at_its_surface_within_a_step():
+    """Neither inside, where it would end by its velocity, nor thrown back."""
+    skirt, body, h = a_line_skirt(SIZE, 180), Body(hip=0.13), 0.02
+    fitting = fitted_skirts(skirt, skirt_cloth(3e-6), body=body)
+    outside, normal = body.depth(skirt.start)
+    inwards = np.where(skirt.waist[:, None], 0.0, (outside - 0.02)[:, None] * normal / h)
+    state, _ = fitting.step(State(skirt.start[None], inwards[None]), STILL, h)
+    depth, _ = body.depth(state.positions[0, ~skirt.waist])
+    assert body.depth(skirt.start + h * inwards)[0].max() > 0.015
+    assert depth.max() < 2e-3
+    assert np.median(depth) > -0.01
 
 
 def test_the_normal_of_the_body_is_the_gradient_of_its_depth():
@@ -165,6 +235,44 @@ def test_a_turning_waist_spreads_the_skirt():
     _, frames = walk(fitting, rest, WaistMotion(turn=3.0, period=1.6, seconds=1.6), settle=0.0)
     radius = np.hypot(*np.moveaxis(frames[:, 0, skirt.hem, :2], -1, 0)).mean(-1)
     assert radius.max() > radius[0] + 0.02
+
+
+@pytest.mark.parametrize("seconds", [1.3, 1.65])
+def test_a_motion_begins_and_ends_at_rest_wherever_in_its_period(seconds: float):
+    motion, step = WaistMotion(sway=0.1, turn=1.0, period=1.2, seconds=seconds), 1e-4
+    for time in (0.0, seconds):
+        before, after = (motion.pose(time + sign * step) for sign in (-1, 1))
+        assert np.abs(after[1] - before[1]).max() < 1e-2 * step  # [m/s] times a step; in between .5 m/s
+        assert np.abs(after[0] - before[0]).max() < 1e-1 * step
+
+
+def test_skirts_that_a_twirl_holds_up_do_not_rest_however_slow_they_are():
+    skirt = circular_skirt(SIZE, 180)
+    state, resting = hang(fitted_skirts(skirt), laid_skirts(skirt, 1), seconds=1e-6, step_seconds=1e-6)
+    assert state.speeds().max() < AT_REST
+    assert not resting.any()
+
+
+def test_cloths_of_another_skirt_and_senseless_numbers_are_refused():
+    skirt, other = circular_skirt(SIZE, 180), circular_skirt(SIZE, 250)
+    fitting, laid = fitted_skirts(skirt, draws=2), laid_skirts(skirt, 2)
+    p, still = fitting.parameters, State(laid, np.zeros_like(laid))
+    for refused, message in (
+        (lambda: Fitting.of(other, p), r"batch with stretch of shape \(2, 4\d\d, 6, 4\), got \(2, 3\d\d, 6, 4\); draw"),
+        (lambda: Fitting.of(skirt, p.member(0)), "cloths of this skirt must be a batch"),
+        (lambda: Fitting.of(skirt, p, drag=-1.0), "drag of the air must be >= 0 1/s and finite, got -1"),
+        (lambda: Fitting.of(skirt, p, gravity=-9.8), "gravity must be > 0 m/s2 and finite, got -9.8"),
+        (lambda: hang(fitting, laid[:1]), r"finite with shape \(2, 194, 3\), got shape \(1, 194, 3\)"),
+        (lambda: hang(fitting, np.nan * laid), r"finite with shape \(2, 194, 3\), got NaN"),
+        (lambda: hang(fitting, laid, seconds=np.nan), "seconds must be > 0 s and finite, got nan"),
+        (lambda: hang(fitting, laid, step_seconds=-0.02), "step_seconds must be > 0 s and finite, got -0.02"),
+        (lambda: walk(fitting, State(laid[:1], 0 * laid[:1]), WaistMotion()), "positions of the skirts must be"),
+        (lambda: walk(fitting, still, WaistMotion(), step_seconds=0.0), "step_seconds must be > 0 s"),
+        (lambda: walk(fitting, still, WaistMotion(), settle=-1.0), "settle must be >= 0 s and finite"),
+        (lambda: walk(fitting, still, WaistMotion(), every=0), "every >= 1, got 0.8 s and 0"),
+    ):
+        with pytest.raises(GarmentError, match=message):
+            refused()
 
 
 def test_limp_cloth_hangs_close_and_in_more_folds_than_stiff_cloth():

@@ -10,7 +10,7 @@ from worn_skirts import SIZE, skirt_cloth
 
 from cusick_bench.cli.simulate.garment_options import MotionName, waist_motion
 from cusick_bench.garment import Body, WaistMotion, a_line_skirt, circular_skirt, spread
-from cusick_bench.garment.measurement import measure, seen_from_front
+from cusick_bench.garment.measurement import measure, pixels_per_metre, seen_from_above, seen_from_front
 from cusick_bench.garment.page import write_page
 from cusick_bench.garment.side_by_side import compared
 from cusick_bench.garment.wearing import Wearing, Worn, wear
@@ -84,6 +84,35 @@ def test_the_hem_trails_the_waist_and_not_the_room():
         assert found["hem_trail_max_m"] == pytest.approx(trail, abs=1e-9)
         assert found["hem_radius_rest_m"] == pytest.approx(0.51)
         assert (found["hem_radius_max_m"] == pytest.approx(0.51)) == (trail == 0)
+
+
+def test_hems_of_several_draws_are_measured_one_by_one():
+    """Of each its largest radius and trail, whenever that is; then mean and standard deviation over the draws."""
+    skirt, motion = circular_skirt(SIZE, 200), WaistMotion(sway=0.05, period=1.0, seconds=1.0)
+    times = np.array([0.0, 0.3, 0.6])
+    sizes, trails = np.array([[0.8, 0.8], [0.9, 0.8], [0.8, 1.0]]), np.array([[0, 0], [0, 0.02], [0.01, 0]])
+    shifts = np.stack([motion.pose(time)[1] for time in times])[:, None, None]
+    frames = skirt.start * sizes[..., None, None] + trails[..., None, None] * [0.0, 1.0, 0.0] + shifts
+    measured = [measure(skirt, skirt.start)] * 2
+    worn = Worn(
+        skirt_cloth(), Wearing(motion=motion), skirt, frames[0], np.ones(2, bool), measured, times, frames
+    )  # fmt: skip
+    found = worn.document()["motion"]
+    radii = 0.51 * np.array([0.9, 1.0])
+    assert found["hem_radius_rest_m"] == pytest.approx(0.8 * 0.51)
+    assert found["hem_radius_max_m"] == pytest.approx(radii.mean())
+    assert found["hem_radius_max_sd_m"] == pytest.approx(radii.std(ddof=1))
+    assert found["hem_trail_max_m"] == pytest.approx(0.015)
+    assert found["hem_trail_max_sd_m"] == pytest.approx(0.01 / np.sqrt(2))
+
+
+def test_the_front_is_below_and_the_left_hand_right_in_the_view_from_above():
+    skirt = circular_skirt(SIZE, 400)
+    for shift, axis, way in (([0, -0.1, 0], 0, 1), ([0.1, 0, 0], 1, 1)):
+        seen = seen_from_above(skirt, skirt.start * 0.7 + shift)
+        places = np.arange(len(seen)) - (len(seen) - 1) / 2
+        middle = seen.sum(1 - axis) @ places / seen.sum() / pixels_per_metre(skirt)
+        assert middle == pytest.approx(0.1 * way, abs=1e-3)
 
 
 def test_a_skirt_stands_upright_in_its_view_from_the_front():

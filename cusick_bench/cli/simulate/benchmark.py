@@ -1,5 +1,6 @@
 """`cusick-bench benchmark`: speed, memory, scaling and gradient accuracy of the simulator, in one run."""
 
+from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,10 +28,15 @@ from cusick_bench.sim.errors import CusickError
 
 app = typer.Typer()
 
+# Options of the whole benchmark that a part of it has no use for.
+_NOT_OF_DEVICE = ("reference", "reference_vertices", "reference_steps", "gradient_vertices")
+_NOT_OF_RUNNER = ("vertices", "full", "rounds", "batch", "springs", "law", "device", "device_only", *_NOT_OF_DEVICE)
+
 
 @app.command()
 @user_errors
 def benchmark(
+    context: typer.Context,
     vertices: VerticesList = None,
     full: Annotated[
         bool, simulation_option("--full", help="Also large meshes and batches, and more rounds: a quarter of an hour.")
@@ -100,8 +106,11 @@ def benchmark(
             "--reference-vertices is about the table that --reference names; add --reference, or leave it out"
         )
     if runner_cells is not None:
+        _refuse(context, _NOT_OF_RUNNER, "--runner-cells, which measures the runner alone")
         _measure_runner(runner_cells, out, as_json)
         return
+    if device_only:
+        _refuse(context, _NOT_OF_DEVICE, "--device-only, which compares drops and silhouettes alone")
     out = out or Path("benchmark.json")
     asked: dict[str, Any] = dict(FULL) if full else {}
     asked |= {"vertices": tuple(dict.fromkeys(vertices))} if vertices else {}
@@ -136,6 +145,14 @@ def benchmark(
     _print_laws(document["laws"])
     _print_gradients(document["gradient_error"])
     _print_targets(document["targets"])
+
+
+def _refuse(context: typer.Context, names: Collection[str], beside: str) -> None:
+    """Refuses options that stand on the command line and would do nothing."""
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name == "COMMANDLINE":
+            raise CusickError(f"{parameter.opts[0]} does nothing beside {beside}; leave one of them out")
 
 
 def _measure_runner(cells: int, out: Path | None, as_json: bool) -> None:

@@ -57,7 +57,9 @@ Amplitude = Annotated[
     float | None, motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg.")
 ]
 Period = Annotated[float | None, motion_option(max=600, help="Period of the motion [s], 0.2 or more, by default 1.2.")]
-Duration = Annotated[float | None, motion_option(max=600, help="How long the waist moves [s], by default 2.4.")]
+Duration = Annotated[
+    float | None, motion_option(max=600, help="How long the waist moves [s], 0.1 or more, by default 2.4.")
+]
 SkirtVertices = Annotated[
     int,
     simulation_option("--vertices", min=1, max=MOST_VERTICES, help="Vertices of the skirt's mesh, 150 or more."),
