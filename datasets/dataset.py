@@ -19,7 +19,7 @@ from jaxtyping import Float
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.files.fabrics import fabric_name
-from cusick_bench.datasets.files.image import read_silhouette
+from cusick_bench.datasets.files.image import read_silhouette, without_specks
 from cusick_bench.datasets.files.layout import beside, inside_root
 from cusick_bench.datasets.files.measure import content_hash
 from cusick_bench.datasets.files.mesh_file import read_mesh
@@ -156,7 +156,7 @@ class DrapeDataset:
             i: Row of the index.
 
         Returns:
-            Coverage, float64 in [0, 1], cloth = 1.
+            Coverage, float64 in [0, 1], cloth = 1; specks beside the cloth are taken for background.
 
         Raises:
             BadImage: The file cannot be used.
@@ -165,7 +165,7 @@ class DrapeDataset:
         from scipy.ndimage import shift
 
         row = self._row(i)
-        pixels = read_silhouette(inside_root(self.root, row["image"]), self.protocol)
+        pixels = without_specks(read_silhouette(inside_root(self.root, row["image"]), self.protocol))
         columns, rows = float(row["image_shift_columns_px"]), float(row["image_shift_rows_px"])
         if columns or rows:
             pixels = np.clip(shift(pixels, (rows, columns), order=1), 0, 1)

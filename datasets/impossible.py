@@ -1,6 +1,6 @@
 """Refuses to compute from silhouettes that no cloth on the plate can show, before anything is simulated."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from cusick_bench.datasets.audit.limits import UNREADABLE, impossible_faults
 from cusick_bench.datasets.dataset import DrapeDataset
@@ -90,10 +90,27 @@ def require_readable(dataset: DrapeDataset, rows: Iterable[int]) -> None:
     Raises:
         BadImage: One cannot be read, or shows no single cloth.
     """
+    for fault in unreadable(dataset, rows):
+        raise fault
+
+
+def unreadable(dataset: DrapeDataset, rows: Iterable[int]) -> Iterator[BadImage]:
+    """Finds pictures that cannot be read, or show no single cloth; the shipped set is not looked at.
+
+    Args:
+        dataset: The data set.
+        rows: Rows of its index.
+
+    Yields:
+        Why not, one error a picture.
+    """
     if is_shipped(dataset.root):
         return
     for row in sorted(set(rows)):
-        measure_image(inside_root(dataset.root, str(dataset.table["image"].iloc[row])), dataset.protocol)
+        try:
+            measure_image(inside_root(dataset.root, str(dataset.table["image"].iloc[row])), dataset.protocol)
+        except BadImage as error:
+            yield error
 
 
 def listed(faults: Sequence[Irregularity]) -> str:

@@ -32,7 +32,7 @@ KINDS = {
     "full-image": "all cloth: no background",
     "inverted-image": "cloth and background are exchanged",
     "two-blobs": "a second object beside the cloth",
-    "specks": "small separate objects beside the cloth",
+    "specks": "small separate objects beside the cloth, taken for background",
     "hole": "background inside the cloth",
     "touches-border": "the cloth is cut by the image's border",
     "off-centre": "the silhouette crosses the plate's edge, but would hold the plate if shifted",

@@ -13,6 +13,7 @@ from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.datasets.registry import registered_in
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import LEAST_SAMPLES
+from cusick_bench.files.first_names import first_names
 from cusick_bench.files.shell_word import shell_word
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
@@ -26,6 +27,11 @@ _MOST_ADVICE = 2  # largest number of measurements of the diagnosis' advice that
 _CLOSE = 0.03  # difference of drape coefficients by which samples of one cloth differ anyway
 _LIMP = 0.5  # drape coefficient below which law plate on coarse meshes errs by more than samples differ
 _FINE = 450  # vertices of a mesh on which it hardly does
+_FACES_NEEDED = {
+    "up": "where some are seen so, stiffness is learned from these alone",
+    "down": "only samples that are seen from both faces tell their difference",
+}
+"""Why each face of a sample should be pictured where others of its fabric show both."""
 _WIDE = 2.0  # ratio of the ends of an interval from which stiffness is called uncertain
 
 
@@ -54,8 +60,8 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
         )
     if fit.samples > 1:
         notes.append(
-            f"Stiffness and interval are what {_learned_from(fit)} tell of the cloth together; the drape shown is "
-            f"fitted to sample {fit.sample}, whose drape coefficient is the median."
+            f"Stiffness and interval are what {_learned_from(fit, samples)} tell of the cloth together; the drape "
+            f"shown is fitted to sample {fit.sample}, whose drape coefficient is the median."
         )
     elif samples > 1:
         drapes, tell = ("two drapes, both faces", "two drapes tell") if fit.turned else ("one drape", "one drape tells")
@@ -78,11 +84,12 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
     return notes
 
 
-def _learned_from(fit: Fit) -> str:
-    """The samples behind a stiffness, with the faces that they show."""
+def _learned_from(fit: Fit, samples: int) -> str:
+    """The samples behind a stiffness, of all samples of the fabric, with the faces that they show."""
+    used = f"{fit.samples} samples" if fit.samples == samples else f"{fit.samples} of {samples} samples"
     if 0 < fit.turned < fit.samples:
-        return f"{fit.samples} samples and the other face of {fit.turned} of them"
-    return f"{'both faces of ' if fit.turned else ''}{fit.samples} samples"
+        return f"{used} and the other face of {fit.turned} of them"
+    return f"{'both faces of ' if fit.turned else ''}{used}"
 
 
 def left_out_notes(dataset: DrapeDataset, fabric: str) -> list[str]:
@@ -147,7 +154,17 @@ def _face_advice(own: pd.DataFrame) -> list[str]:
         return ["Say which face lies up in which capture (captures in protocol.json, --captures for photographs)."]
     if sides != {"up", "down"}:
         return ["Picture each sample with the other face up as well: a difference of the faces shows then."]
-    return []
+    return [
+        f"Picture sample{'s' * (len(lacking) > 1)} {first_names(lacking)} face {side} as well: {why}."
+        for side, why in _FACES_NEEDED.items()
+        if (lacking := _samples_without(own, side))
+    ]
+
+
+def _samples_without(own: pd.DataFrame, side: str) -> list[str]:
+    """Numbers of the samples of which no picture shows a face."""
+    shown = set(own["sample"][own["side"] == side])
+    return [str(sample) for sample in dict.fromkeys(own["sample"]) if sample not in shown]
 
 
 def fabric_next(

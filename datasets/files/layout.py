@@ -203,7 +203,7 @@ def scan(root: str | Path) -> Layout:
 
 
 def _no_silhouettes(folder: Path, unused: list[str]) -> DataNotFound:
-    """What is said of a folder without silhouettes; pictures in formats that are not read are named."""
+    """What is said of a folder without silhouettes; pictures that are not read for their format or name are named."""
     unread = sorted(path for path in unused if path.lower().endswith(image.UNREAD_SUFFIXES))
     if unread:
         formats = ", ".join(sorted({Path(path).suffix.lower() for path in unread}))
@@ -212,8 +212,10 @@ def _no_silhouettes(folder: Path, unused: list[str]) -> DataNotFound:
             where=folder,
             remedy="save them as PNG, named e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.png`",
         )
+    pictures = sorted(path for path in unused if path.lower().endswith(image.SUFFIXES))
+    others = f", but pictures whose names and folders do not say so: {first_names(pictures)}"
     return DataNotFound(
-        "holds no silhouettes",
+        f"holds no silhouettes of numbered fabrics and samples{others}" if pictures else "holds no silhouettes",
         where=folder,
         remedy="expected e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.jpg`",
     )

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.datasets.errors import BadImage, BadMesh, DataError
-from cusick_bench.datasets.files.image import Blemishes, PlateFit, blemishes, fit_plate, inspect
+from cusick_bench.datasets.files.image import Blemishes, PlateFit, blemishes, fit_plate, inspect, without_specks
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
@@ -21,7 +21,7 @@ from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_
 from cusick_bench.sim.cloth.obj import SUFFIXES as MESH_SUFFIXES
 
 _MOST_BYTES = 64 << 20  # as much as a mesh may have
-_VERSION = 5  # raise it when the meaning of a stored number changes, or a file is refused that was measured
+_VERSION = 6  # raise it when the meaning of a stored number changes, or a file is refused that was measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def _measure_image(path: Path, protocol: Protocol) -> Float[ndarray, " numbers"]
     image, coloured = inspect(path, protocol)
     fit, small = fit_plate(image, protocol), blemishes(image)
     centre = (protocol.centre_px[0] - fit.shift[0], protocol.centre_px[1] - fit.shift[1])
-    radii = profile_of(image, protocol, centre).radii
+    radii = profile_of(without_specks(image), protocol, centre).radii
     faults = [_PLATE_FAULTS.index(fit.fault), *fit.shift, fit.inscribed, coloured]
     counts = [small.cloth, small.specks, small.largest_speck, small.holes, small.largest_hole, small.touches_border]
     return np.concatenate([radii, faults, counts, [small.grey, *small.centroid]]).astype(np.float64)

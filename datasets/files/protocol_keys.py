@@ -88,4 +88,5 @@ def _meant(key: str, value: Any, known: Collection[str]) -> str:
     for name, words in _OTHER_WORDS.items():
         if (measured or name in _WORDED) and (plain in words or _UNIT.sub("", plain) in words):
             near = [name]
-    return f"did you mean {near[0]!r}? " if near else ""
+    half = ", half of a diameter" if near and "diameter" in plain else ""
+    return f"did you mean {near[0]!r}{half}? " if near else ""

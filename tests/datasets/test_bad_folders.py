@@ -60,6 +60,18 @@ def test_missing_and_empty_folders(tmp_path):
         load(file)
 
 
+@pytest.mark.parametrize(
+    "name", ["Denim_a.png", "Fabric Denim/silhouettes/Sample_1.png", "Fabric 1/photos/Sample_1.jpg"]
+)
+def test_pictures_whose_names_say_no_fabric_are_named(tmp_path, name):
+    """A folder full of pictures was said to hold none."""
+    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / name).write_bytes(b"a picture")
+    for look in (load, audit):
+        with pytest.raises(DataNotFound, match=f"but pictures whose names and folders do not say so: {name}; expected"):
+            look(tmp_path)
+
+
 @pytest.mark.parametrize("suffix", [".webp", ".HEIC"])
 def test_a_folder_of_pictures_in_a_format_that_is_not_read(tmp_path, suffix):
     folder = tmp_path / "data" / "Fabric 2" / "silhouettes"

@@ -11,12 +11,14 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from torch.utils.data import DataLoader, Dataset, Subset, SubsetRandomSampler
 from toy_cloths import PIXEL, draw, image_path, mesh_path, misfit_px, toy_profile, write_image, write_toy
 
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
-from cusick_bench.datasets.files.image import _silent_opencv
+from cusick_bench.datasets.files.image import _silent_opencv, without_specks
+from cusick_bench.datasets.impossible import impossible
 from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.torch_dataset import TorchDrapeDataset
 
@@ -42,6 +44,29 @@ def test_index_and_samples(toy):
     assert sample.profile.rms(toy_profile(7, 2, 2)) < 0.15 * PIXEL
     assert sample.row["capture"] == 2
     assert misfit_px(sample) < 0.5
+
+
+@pytest.mark.parametrize(("row", "size"), [(22, 2), (20, 6), (2, 6)])
+def test_specks_beside_the_cloth_are_background(toy, row, size):
+    """Dust of 8 mm made a fold, and skewed radii; farther out the picture was refused as a cloth of that size."""
+    path, clean = image_path(toy, 1, 1), load(toy).sample(0)
+    with Image.open(path) as image:
+        pixels = np.array(image)
+    pixels[row : row + size, 120 : 120 + size] = 0
+    pixels[row + size, 120 : 120 + size] = 180  # its blurred edge
+    Image.fromarray(pixels).save(path)
+    dataset = load(toy)
+    assert torch.equal(dataset.image(0), clean.image)
+    assert dataset.sample(0).profile == clean.profile
+    assert impossible(dataset, [0]) == []
+    assert {one.kind for one in audit(toy).irregularities if one.path == path.relative_to(toy).as_posix()} == {"specks"}
+
+
+def test_pixels_that_touch_the_cloth_at_a_corner_belong_to_it():
+    image = np.zeros((16, 16))
+    image[4:12, 4:12] = 1
+    image[12, 12] = image[3, 12] = 0.6
+    assert without_specks(image) is image
 
 
 def test_index_cannot_be_changed_from_outside(toy):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from toy_cloths import draw, toy_profile, write_image, write_toy
 from typer.testing import CliRunner
 
@@ -253,6 +254,19 @@ def test_stats_do_not_warn_of_pictures_that_they_leave_out(toy):
     found = CliRunner().invoke(app, ["stats", str(toy)], env={"COLUMNS": "140"})
     assert "(-1 images)" in found.stdout
     assert "no cloth on its plate" not in found.stderr
+
+
+@pytest.mark.parametrize("command", ["stats", "info"])
+def test_the_reason_why_pictures_cannot_be_measured_is_told(toy, command):
+    """Of pictures at another size without a protocol.json there was a row without numbers, and no word about it."""
+    assert "cannot be measured" not in CliRunner().invoke(app, [command, str(toy)]).stderr
+    pictures = sorted((toy / "data/Fabric 7/silhouettes").glob("*.png"))
+    for path in pictures:
+        with Image.open(path) as image:
+            image.resize((512, 512)).save(path)
+    told = " ".join(CliRunner().invoke(app, [command, str(toy)]).stderr.split())
+    assert f"12 of 24 silhouettes cannot be measured, such as {pictures[0]}: image must be 256 x 256" in told
+    assert "set image_size_px, px_per_m and centre_px in protocol.json" in told
 
 
 def test_the_command_in_the_warning_of_stats_can_be_pasted(toy):

@@ -208,6 +208,8 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"foregroud": "light"}, "did you mean 'foreground'"),
         ({"background": "dark"}, "did you mean 'foreground'"),
         ({"diameter": "30 cm"}, "did you mean 'cloth_radius_m'"),
+        ({"cloth_diameter_m": 0.3}, r"did you mean 'cloth_radius_m', half of a diameter\? "),
+        ({"plate_diameter": 0.18}, r"did you mean 'plate_radius_m', half of a diameter\? "),
         (
             {"humidity": 0.65},
             "unknown key 'humidity', which holds 0.65; known keys are camera.* go into 'notes'",

@@ -35,6 +35,14 @@ def test_another_protocol_measures_the_same_picture_again(picture: Path):
     assert measure_image(picture, double).profile.radii == pytest.approx(before.profile.radii / 2, abs=1e-12)
 
 
+def test_a_camera_at_another_height_measures_the_same_picture_again(picture: Path):
+    near, far = (
+        measure_image(picture, replace(Protocol(), projection="pinhole", camera_height_m=height)).profile.radii.mean()
+        for height in (0.5, 1.0)
+    )
+    assert near > far > measure_image(picture, Protocol()).profile.radii.mean()
+
+
 def test_a_second_look_measures_nothing(picture: Path, monkeypatch: pytest.MonkeyPatch):
     before = measure_image(picture, Protocol())
     monkeypatch.setattr("cusick_bench.datasets.files.measure.inspect", None)

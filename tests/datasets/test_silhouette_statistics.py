@@ -51,6 +51,35 @@ def test_values_are_those_of_before():
             assert value == pytest.approx(golden[label][name], rel=1e-11, abs=1e-16), (label, name)
 
 
+LENGTHS = ("mean_radius", "amplitude_high", "fold_depth", "roughness", "crest_radius", "crest_spread", "valley_gap")
+LENGTHS_BY_NUMBER = (
+    "radius_quantile_",
+    "quantile_",
+    "amplitude_",
+    "harmonic_",
+    "crest_1",
+    "crest_2",
+    "valley_1",
+    "valley_2",
+)
+
+
+@pytest.mark.parametrize("depth", [1.0, 0.3, 0.1, 0.01])
+def test_drapes_of_one_shape_have_the_same_statistics_whatever_their_size(depth):
+    """What softens ratios, and the least prominence of a fold, are in proportion to the cloth."""
+    shape, small = 0.122 + depth * (rings() - 0.122), 0.4
+    for selection in SELECTIONS.values():
+        known, found = (
+            selection.measure(
+                size * shape, drape_coefficients=COEFFICIENTS, cloth_radius=size * 0.15, plate_radius=size * 0.09
+            )
+            for size in (1.0, small)
+        )
+        for column, name in enumerate(selection.names):
+            unit = small if name in LENGTHS or name.startswith(LENGTHS_BY_NUMBER) else 1.0
+            assert found[:, column] == pytest.approx(unit * known[:, column], rel=1e-9, abs=1e-12), name
+
+
 @pytest.mark.parametrize("family", LOCKED)
 def test_locked_statistics_turn_with_the_drape(family):
     """By exp(i m phi), the grain by exp(-i m phi), as the comment at `LOCKED` says."""

@@ -211,6 +211,8 @@ def test_limp_cloth_on_a_coarse_mesh_is_said_to_be_found_too_limp(answer, coeffi
     [
         (12, 0, "what 12 samples tell of the cloth together"),
         (12, 12, "what both faces of 12 samples tell of the cloth together"),
+        (5, 0, "what 5 of 12 samples tell of the cloth together"),
+        (5, 5, "what both faces of 5 of 12 samples tell of the cloth together"),
         (12, 3, "what 12 samples and the other face of 3 of them tell of the cloth together"),
         (1, 0, "that of one drape, of sample 1, whose drape coefficient is the median; the interval says how far one"),
         (1, 1, "that of two drapes, both faces, of sample 1, whose drape coefficient is the median; the interval says"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from identify_command import SOLVER
+from toy_cloths import image_path, write_toy
 
 from cusick_bench.datasets import load
 from cusick_bench.identify.document import Drapes
@@ -102,6 +103,23 @@ def test_captures_without_a_number_are_to_be_numbered(lab, tmp_path):
     steps = fabric_next(load(tmp_path), "fabric_1", Drapes(samples=3, silhouettes=3, units=3), "", None, 0)
     assert any(step.startswith("Number the captures in the names of the pictures") for step in steps)
     assert not any("protocol.json" in step for step in steps)
+
+
+def test_samples_that_lack_a_face_are_named(tmp_path):
+    """With both faces of one sample, nothing told that the others were not learned from, or tell no difference."""
+    root = write_toy(tmp_path / "lab", samples=5, captures=4, meshes=False)
+    drapes = Drapes(samples=5, silhouettes=20, units=10)
+
+    def steps() -> list[str]:
+        return [step for step in fabric_next(load(root), "fabric_7", drapes, "", None, 0) if " face " in step]
+
+    assert steps() == []
+    for sample, captures in ((2, (1, 2)), (4, (1, 2)), (5, (3, 4))):
+        for capture in captures:
+            image_path(root, sample, capture).unlink()
+    up, down = steps()
+    assert up.startswith("Picture samples 2, 4 face up as well: ")
+    assert down.startswith("Picture sample 5 face down as well: ")
 
 
 def test_a_named_set_is_weighed_by_its_name(named_sets):

@@ -223,6 +223,7 @@ def test_photographs_without_a_ruler_are_told_so(tmp_path):
     result = identify(folder, "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert "holds no ruler" in said(result)
+    assert "silhouettes, which need none, must be square pictures" in said(result)
 
 
 def test_square_pictures_without_a_ruler_are_silhouettes(lab, photographs, tmp_path):

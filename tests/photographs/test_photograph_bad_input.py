@@ -196,7 +196,22 @@ def test_a_cropped_picture_tells_no_focal_length(tmp_path, taken, known):
     }
     header.get_ifd(ExifTags.IFD.Exif).update(tags)
     Image.fromarray(GREY).save(tmp_path / "plate.jpg", exif=header)
-    assert (read_photograph(tmp_path / "plate.jpg").focal is not None) == known
+    focal = read_photograph(tmp_path / "plate.jpg").focal
+    assert focal == (pytest.approx(26 / np.hypot(36, 24) * np.hypot(500, 400)) if known else None)
+
+
+@pytest.mark.parametrize(("turn", "corner"), [(1, (0, 0)), (3, (-1, -1)), (6, (0, -1)), (8, (-1, 0))])
+def test_a_photograph_is_turned_upright_as_its_header_says(tmp_path, turn, corner):
+    """The warp lies to the right of the picture as people see it."""
+    levels, header = np.zeros((400, 500, 3), np.uint8), Image.Exif()
+    levels[:100, :100] = 255  # where the first row of what is stored begins
+    header[ExifTags.Base.Orientation] = turn
+    Image.fromarray(levels).save(tmp_path / "plate.png", exif=header)
+    taken = read_photograph(tmp_path / "plate.png")
+    assert taken.turn == turn
+    assert taken.size == ((500, 400) if turn in (1, 3) else (400, 500))
+    assert taken.levels[corner].tolist() == [255, 255, 255]
+    assert int((taken.levels[[0, 0, -1, -1], [0, -1, 0, -1]] == 255).all(axis=1).sum()) == 1
 
 
 @pytest.mark.parametrize("texts", [["180 g/m2", "2=200 g/m2"], ["2=200 g/m2", "180 g/m2"]])

@@ -1,5 +1,6 @@
 """Calibration, board, quantities and confidence, each against what is known."""
 
+import json
 from dataclasses import replace
 
 import cv2
@@ -23,7 +24,7 @@ from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, qu
 from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
 from cusick_bench.photographs.preparation.silhouette import silhouette
 from cusick_bench.photographs.preparation.weights import read_weights, template
-from cusick_bench.photographs.reading import Photograph
+from cusick_bench.photographs.reading import Photograph, read_photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED, Evidence, confidence, doubts
 from cusick_bench.photographs.segmentation.curve import outermost
 from cusick_bench.photographs.segmentation.path import closed_path
@@ -274,6 +275,51 @@ def test_a_height_that_was_measured_is_the_cameras(board_and_plate, ruler):
     assert view.eye[2] == pytest.approx(1.3, rel=0.01)
     assert view.uncertainty.height_m == pytest.approx(0.013, rel=0.01)
     assert not calibrated(board, [], plate, 0.09).knows_height
+
+
+def _with_header(picture: Named) -> Named:
+    """The picture of laboratory 3043 with its focal length in the header."""
+    return picture[0], replace(picture[1], focal=make_laboratory(3043).camera.focal)
+
+
+@pytest.mark.parametrize("ruler", ["board", "plate"])
+def test_the_focal_length_in_a_header_tells_the_height(board_and_plate, ruler):
+    board, plate = (_with_header(one) if one[0].startswith(ruler) else None for one in board_and_plate)
+    view = calibrated(board, [], plate, 0.09)
+    assert view.knows_height
+    assert view.eye[2] == pytest.approx(make_laboratory(3043).camera.eye[2], rel=0.01)
+    assert view.uncertainty.height_m == pytest.approx(0.03 * view.eye[2], rel=0.01)
+
+
+@pytest.mark.parametrize(("factor", "told"), [(0.85, True), (0.93, False), (1.07, False), (1.18, True)])
+@pytest.mark.parametrize("ruler", ["board", "plate"])
+def test_a_measured_height_that_the_header_contradicts_is_told(board_and_plate, ruler, factor, told, caplog):
+    """Measured from the table, 1 m instead of .85 m, it moves drape coefficients by 1.2 to 1.5 points."""
+    board, plate = (_with_header(one) if one[0].startswith(ruler) else None for one in board_and_plate)
+    true = make_laboratory(3043).camera.eye[2]
+    view = calibrated(board, [], plate, 0.09, height=factor * true)
+    assert view.eye[2] == pytest.approx(factor * true, rel=0.01)
+    what = f"by the focal length in the pictures' header, but {factor * true:.2f} m by --camera-height"
+    assert (what in caplog.text) == told
+    assert ("the latter is used; measure from the plate's top to the lens" in caplog.text) == told
+
+
+def test_a_measured_height_that_held_boards_contradict_is_told(photographs, caplog):
+    """It was not used, and nothing said so."""
+    held = [(path.name, read_photograph(path)) for path in sorted(photographs.glob("board-[1-9].jpg"))]
+    board = ("board-plane.jpg", read_photograph(photographs / "board-plane.jpg"))
+    true = json.loads((photographs / "truth.json").read_text())["camera_height_m"]
+    assert calibrated(board, held, None, 0.09, height=1.05 * true).eye[2] == pytest.approx(true, abs=3e-3)
+    assert not caplog.messages
+    assert calibrated(board, held, None, 0.09, height=1.2 * true).eye[2] == pytest.approx(true, abs=3e-3)
+    assert "m above the plate by the pictures of the board held at angles, but" in caplog.text
+    assert f"but {1.2 * true:.2f} m by --camera-height; the former is used" in caplog.text
+
+
+def test_a_board_that_is_printed_larger_shows_more_of_the_plane(board_and_plate):
+    board, _ = board_and_plate
+    true, larger = (calibrated(board, [], None, 0.09, printed=printed) for printed in (1.0, 1.004))
+    assert larger.scale == pytest.approx(true.scale / 1.004, rel=1e-4)
 
 
 @pytest.mark.parametrize("size", [0.97, 1.015])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -107,6 +108,7 @@ def info_command(
 ) -> None:
     """List what a data set holds, cloth by cloth."""
     dataset = _load(name_or_path, fabrics_csv, uncorrected)
+    _tell_unreadable(dataset, range(len(dataset)))
     rows = [_contents(dataset, cloth) for cloth in dataset.cloths]
     if json:
         registered = registered_in(dataset.root)
@@ -196,7 +198,9 @@ def stats_command(
     else:
         output.print(_stats_table(found))
     wanted = {item.cloth for item in found}
-    faults = impossible(dataset, [row for row, name in enumerate(dataset.table["cloth"]) if name in wanted])
+    rows = [row for row, name in enumerate(dataset.table["cloth"]) if name in wanted]
+    _tell_unreadable(dataset, rows)
+    faults = impossible(dataset, rows)
     left_out = {item.path for item in faults if item.kind in UNMEASURED}
     faults = [item for item in faults if item.path not in left_out]
     if faults:
@@ -206,6 +210,14 @@ def stats_command(
             f"numbers mean nothing for them: {fault.path}: {fault.detail} ({fault.kind}); look with `cusick-bench data "
             f"audit {shell_word(dataset.root)}`, and correct the pictures or protocol.json"
         )
+
+
+def _tell_unreadable(dataset: DrapeDataset, rows: Sequence[int]) -> None:
+    """Tells how many pictures cannot be measured, and why the first cannot: often they all have the same fault."""
+    from cusick_bench.datasets.impossible import unreadable
+
+    if faults := list(unreadable(dataset, rows)):
+        tell(f"{len(faults)} of {len(rows)} silhouettes cannot be measured, such as {faults[0]}")
 
 
 def _stats_table(found: list[ClothStatistics]) -> Table:

@@ -107,7 +107,7 @@ def prepare(
     if not prepared.view.knows_height:
         tell(
             "the camera's height is not known, so perspective stays in the silhouettes: give --camera-height, or add "
-            "pictures of the board held at angles"
+            "two or more pictures of the board held at angles"
         )
     if not prepared.view.knows_lens:
         tell(

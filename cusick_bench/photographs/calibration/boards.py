@@ -18,7 +18,8 @@ from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph
 
 _LEAST_CORNERS = 12
-_LEAST_PICTURES = 3  # least number of pictures for the lens: one on the plate, two held at angles
+LEAST_PICTURES = 3
+"""Least number of pictures for lens and height: one on the plate, two held at angles."""
 _LEAST_LEAN = np.radians(6.0)  # least angle of a board, below which focal length and height cannot be separated
 _WORST_FIT = 2.0  # [px] largest error of corners, per 1000 px of width
 _RULER = 5e-4  # relative uncertainty of the printed size after a check with the printed ruler
@@ -94,7 +95,7 @@ def view_from_boards(
     Raises:
         BadPhotograph: The corners do not fit any camera, or no board in `held` is at an angle to the plate.
     """
-    whole = len(held) + 1 >= _LEAST_PICTURES
+    whole = len(held) + 1 >= LEAST_PICTURES
     boards = [plane, *held] if whole else [plane]
     guess = focal or 1.2 * max(size)
     if not whole and height is not None:

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from cusick_bench.photographs.board import LEAST_DISC, MOST_DISC
-from cusick_bench.photographs.calibration.boards import find_board, view_from_boards
+from cusick_bench.photographs.calibration.boards import LEAST_PICTURES, find_board, view_from_boards
 from cusick_bench.photographs.calibration.plate import centred_on_plate, view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph
 
 _log = logging.getLogger(__name__)
+
+_OTHER_HEIGHT = 0.1  # relative difference of two heights from which one is wrong: three times what a header may be off
 
 Named = tuple[str, Photograph]
 """A picture with its file's name."""
@@ -35,7 +37,8 @@ def calibrated(
         plate: The bare plate; beside a board it gives the axis.
         plate_radius: Radius of the plate [m].
         height: Measured height of the camera above the plate [m], None where it was not measured; not used where
-            two and more of `boards_held` give it.
+            two and more of `boards_held` give it. A warning says so where another height follows from these, or from
+            the focal length in the pictures' header.
         printed: Size of the board on paper over its nominal size.
 
     Returns:
@@ -55,7 +58,9 @@ def calibrated(
         require_size(photograph, pictures[0][1].size, name)
     if board_on_plate is None:
         assert plate is not None
-        return view_from_plate(plate[1], plate[0], plate_radius, height=height)
+        view = view_from_plate(plate[1], plate[0], plate_radius, height=height)
+        _compare_heights(view, height, plate[1].focal)
+        return view
     name, photograph = board_on_plate
     view = view_from_boards(
         find_board(photograph, name, printed),
@@ -64,6 +69,7 @@ def calibrated(
         focal=photograph.focal,
         height=height,
     )
+    _compare_heights(view, height, photograph.focal, by_boards=len(boards_held) + 1 >= LEAST_PICTURES)
     if plate is not None:
         view = centred_on_plate(view, plate[1], plate[0], plate_radius)
     elif not LEAST_DISC <= 2 * plate_radius <= MOST_DISC:
@@ -81,6 +87,22 @@ def calibrated(
             kind="no-plate",
         )
     return view
+
+
+def _compare_heights(view: PlateView, told: float | None, focal: float | None, *, by_boards: bool = False) -> None:
+    """Warns of a measured height that the pictures contradict, such as one above the table instead of the plate."""
+    if told is None or (focal is None and not by_boards):
+        return
+    source = "pictures of the board held at angles" if by_boards else "focal length in the pictures' header"
+    other = float(view.eye[2])
+    if focal is not None and not by_boards:  # at a known scale the height is proportional to the focal length
+        other *= focal / float(view.matrix[0, 0])
+    if abs(other / told - 1) > _OTHER_HEIGHT:
+        _log.warning(
+            "the camera is %.2f m above the plate by the %s, but %.2f m by --camera-height; the %s is used; measure "
+            "from the plate's top to the lens",
+            other, source, told, "former" if by_boards else "latter",
+        )  # fmt: skip
 
 
 def require_turn(photograph: Photograph, turn: int, name: str) -> None:

@@ -122,7 +122,8 @@ def _require_ruler(folder: Path, others: Mapping[str, Sequence[Path]]) -> None:
         raise BadPhotograph(
             "holds no ruler: neither board-plane.jpg (the printed board on the plate) nor plate.jpg (the bare plate)",
             where=folder,
-            remedy="take one with the camera where it was, see docs/drape-meter.md",
+            remedy="take one with the camera where it was, see docs/drape-meter.md; silhouettes, which need none, "
+            "must be square pictures",
             kind="no-ruler",
         )
 
