@@ -27,7 +27,7 @@ from cusick_bench.leaderboard.bootstrap import (
 from cusick_bench.leaderboard.cells.commands import command_record
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.plausible import largest
-from cusick_bench.leaderboard.cells.variants import BOARD, failures, variants
+from cusick_bench.leaderboard.cells.variants import BOARD, failures, of_boards, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.notes import interval_note, row_notes
@@ -53,6 +53,7 @@ class Leaderboard:
         rows: The rows.
         notes: Remarks for readers, one sentence each.
         run: `run.json` of the results folder.
+        apart: What sets it apart from the folder's other leaderboards, such as ", split first-8"; "" if nothing does.
     """
 
     dataset: str
@@ -64,6 +65,7 @@ class Leaderboard:
     rows: tuple[Row, ...]
     notes: tuple[str, ...]
     run: dict[str, Any]
+    apart: str = ""
 
 
 def metric_names(table: pd.DataFrame) -> list[str]:
@@ -98,19 +100,26 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
     if statistic not in STATISTICS:
         raise LeaderboardError(f"unknown statistic {statistic!r}; use one of: {', '.join(STATISTICS)}")
     ranking = _Ranking(by, direction(by), STATISTICS[statistic], np.random.default_rng(seed))
-    boards = []
-    for _, table in cells.table.groupby(BOARD, sort=True):
+    boards, tables = [], list(of_boards(cells.table))
+    places = {_place(table.iloc[0]) for _, table in tables}
+    for apart, table in tables:
         cloths = tuple(sorted(table["cloth"].unique()))
         groups = dict(variants(table))
         unmeasured = {metric: _unmeasured(groups, metric) for metric in metric_names(table)}
         rows = ranking.rows(cells, table, cloths, unmeasured[by])
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        notes = (interval_note(table), *row_notes(rows, groups, cells.skipped, cloths, by, unmeasured))
+        others = places - {_place(table.iloc[0])}
+        skipped = [cell for cell in cells.skipped if _place(cell.columns) not in others]
+        notes = (interval_note(table), *row_notes(rows, groups, skipped, cloths, by, unmeasured))
         run = command_record(cells.run, (folder.name for folder in table["folder"]))
-        boards.append(
-            Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=run)
-        )
+        made = Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=run)
+        boards.append(replace(made, apart=apart))
     return boards
+
+
+def _place(cell: Mapping[str, Any] | pd.Series) -> tuple[str, ...]:
+    """The leaderboard that a cell is of."""
+    return tuple(str(cell.get(name)) for name in BOARD)
 
 
 @dataclass(frozen=True)

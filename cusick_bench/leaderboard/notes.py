@@ -7,7 +7,7 @@ from math import isfinite
 import pandas as pd
 
 from cusick_bench.files.first_names import first_names
-from cusick_bench.leaderboard.bootstrap import MINIMUM_UNITS, repeats
+from cusick_bench.leaderboard.bootstrap import MINIMUM_UNITS, cell_values, repeats
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells.loading import Skipped
 from cusick_bench.leaderboard.cells.variants import Problem, problems_run
@@ -99,6 +99,12 @@ def row_notes(
             f"Fewer than {MINIMUM_UNITS} cells a row: no intervals, and all ranks are tied. "
             "Run more cloths (--cloth) or seeds (--seeds)."
         )
+    elif not any(isfinite(row.estimates[by].low) for row in rows if by in row.estimates):
+        yield (
+            f"No row has an interval, and rows whose difference has none share a rank: of fewer than {MINIMUM_UNITS} "
+            "cloths it takes several seeds of each that differ, or more samples that are left out. Run more cloths "
+            "(--cloth)."
+        )
     if not any(row.kind == "floor" for row in rows):
         yield "No floor: these data hold no drape that was captured twice."
     for row in rows:
@@ -112,13 +118,19 @@ def row_notes(
             yield f"{row.label} has no rank: its cells on {', '.join(lacking)} have no {by}."
         if row.failed and row.rank is not None:
             yield (
-                f"{row.label} has failed in {row.failed} cells, so that its mean is over other cells than those of the "
-                "rows beside it."
+                f"{row.label} has failed in {row.failed} cell{'s' * (row.failed != 1)}, so that its mean is over other "
+                "cells than those of the rows beside it."
             )
         for lacking, metrics in _partly_measured(row, unmeasured, by).items():
             yield (
                 f"{row.label}: its cells on {', '.join(lacking)} have no {', '.join(metrics)}; means of these are over "
                 "other cloths than those of the rows beside it."
+            )
+        offered = set(cell_values(groups[row.solver, row.variant], "draws").values()) if row.kind == "solver" else set()
+        if len(offered) > 1:
+            yield (
+                f"{row.label} offers {min(offered):.0f} to {max(offered):.0f} draws a cell; a best of N is shown only "
+                "where N is the same in all cells."
             )
     if any(row.draws > 1 and row.kind == "solver" and not isfinite(row.matched_null) for row in rows):
         yield (

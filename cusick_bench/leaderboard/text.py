@@ -134,9 +134,10 @@ def best_of(row: Row) -> str:
         row: Row of a leaderboard.
 
     Returns:
-        Text, empty where the row offers one draw.
+        Text, empty where the row offers one draw, or there was no sample to compare its draws with.
     """
-    return f"{short(row.value('test_mse_best'))} /{row.draws:.0f}" if row.draws > 1 else ""
+    best = short(row.value("test_mse_best"))
+    return f"{best} /{row.draws:.0f}" if best and row.draws > 1 else ""
 
 
 def _seconds(value: float) -> str:
@@ -240,9 +241,11 @@ def text_table(board: Leaderboard) -> TextTable:
     """
     statistic = {"mean": "mean", "iqm": "interquartile mean"}[board.statistic]
     way = f", {words}" if (words := direction(board.by).words) else ""
+    data = f"{board.dataset}{board.apart.removeprefix(f', {board.dataset}')}"
+    cloths = f"{len(board.cloths)} cloth{'s' * (len(board.cloths) != 1)}"
     columns = tuple(column for column in COLUMNS if not column.optional or any(map(column.entry, board.rows)))
     return TextTable(
-        title=f"{board.dataset}, {len(board.cloths)} cloths, {statistic} over cells, ranked by {board.by}{way}",
+        title=f"{data}, {cloths}, {statistic} over cells, ranked by {board.by}{way}",
         columns=columns,
         kinds=tuple(row.kind for row in board.rows),
         entries=tuple(tuple(column.entry(row) for column in columns) for row in board.rows),

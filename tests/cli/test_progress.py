@@ -198,6 +198,18 @@ def test_lines_of_a_grid_show_share_and_loss(cells):
     assert not re.search(r"\x1b", written(where))
 
 
+def test_a_message_that_comes_after_its_cells_end_does_not_put_it_back(cells):
+    """Its bar stayed until the end of the grid."""
+    grid = GridProgress(screen())
+    grid.begin(cells, cells)
+    grid.end(cells[0], "done", "")
+    grid.update(cells[0], 1.0, 0.0123, "scoring")
+    assert "scoring" not in grid.line()
+    grid.begin(cells, cells)
+    grid.update(cells[0], 0.5, 0.0123, "fitting")
+    assert "fitting" in grid.line()
+
+
 def test_cells_that_failed_do_not_count_as_finished_and_kept(cells):
     """They are run again when the command is repeated."""
     grid = GridProgress(screen())

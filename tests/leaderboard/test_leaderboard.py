@@ -34,6 +34,16 @@ def test_ties_are_grouped_and_real_differences_are_not(tmp_path, noise):
     }
 
 
+def test_a_rank_is_shared_with_its_first_row_and_not_from_row_to_row(tmp_path):
+    """The middle one cannot be told from the best nor from the last, which is worse than the best on every cloth."""
+    middle = dict(zip(CLOTHS, (0.003, -0.001, 0.001, 0.002, 0.0), strict=True))
+    for cloth, error in DIFFICULTY.items():
+        write_cell(tmp_path, "best", cloth, test_mse=error)
+        write_cell(tmp_path, "middle", cloth, test_mse=error + middle[cloth])
+        write_cell(tmp_path, "last", cloth, test_mse=error + 0.002)
+    assert ranks(only(tmp_path)) == {"repeat of the same drape": None, "best": 1, "middle": 1, "last": 3}
+
+
 def test_equal_solvers_share_a_rank_nineteen_times_in_twenty():
     apart = 0
     for trial in range(100):
@@ -70,6 +80,7 @@ def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
     assert ranks(board)["easy"] is None
     assert ranks(board)["homo"] == 1
     assert any("easy has no rank" in note and "viscose" in note for note in board.notes)
+    assert not any(note.startswith("easy: its cells on") for note in board.notes), "it has none there"
 
 
 def test_a_row_that_lacks_the_metric_of_a_cloth_has_no_rank_by_it(tmp_path):
@@ -193,6 +204,12 @@ def test_seeds_of_a_left_out_sample_are_no_samples_of_their_own(tmp_path):
     assert (intervals[1].low, intervals[1].high) == pytest.approx((intervals[0].low, intervals[0].high))
 
 
+def test_of_a_left_out_sample_all_seeds_count(tmp_path):
+    for seed in (0, 1, 2):
+        _leave_out(tmp_path, "homo", seed, {sample: 0.05 + 0.01 * seed for sample in (4, 5, 7)})
+    assert only(tmp_path).rows[-1].value("test_mse") == pytest.approx(0.06)
+
+
 def test_the_same_seed_gives_the_same_board(tmp_path, noise):
     write_solver(tmp_path, "homo", lambda cloth, seed: noise.normal(0.05, 0.01))
     assert csv([only(tmp_path, seed=3)]) == csv([only(tmp_path, seed=3)])
@@ -292,6 +309,56 @@ def test_cells_of_two_splits_stand_apart(tmp_path):
     assert [(line["protocol"], line["cells"]) for line in lines] == [("all", 2), ("paper", 2)]
     assert len({line["row"] for line in lines}) == 2
     assert append(tmp_path / "own.csv", lines)["added"] == 2
+
+
+def test_leaderboards_of_one_folder_say_what_each_is_of_and_what_it_lacks(tmp_path):
+    """All had one title, and each the notes of all cells that were left out of any."""
+    for split in ("first-1", "first-8"):
+        for status in ("done", "failed"):
+            seed = {"done": 0, "failed": 1}[status]
+            cell = write_cell(tmp_path, "homo", "blue", seed, protocol=split, status=status, failure=f"no {split}")
+            cell.rename(cell.with_name(f"{cell.name}-{split}"))
+    write_cell(tmp_path, "homo", "red", protocol="first-4", status="failed", failure="no first-4")
+    (write_cell(tmp_path, "homo", "pink") / "cell.json").unlink()
+    (tmp_path / "cells" / "homo-pink-0" / "result.json").unlink()  # nothing is known of it
+    boards = leaderboards(load_cells(tmp_path))
+    assert [text_table(board).title for board in boards] == [
+        f"cusick, split {split}, 1 cloth, mean over cells, ranked by test_mse" for split in ("first-1", "first-8")
+    ]
+    for board, split in zip(boards, ("first-1", "first-8"), strict=True):
+        left_out = [note for note in board.notes if note.startswith("Left out")]
+        assert [note.rpartition("no ")[2] for note in left_out if "failed" in note] == [split, "first-4"]
+        assert sum("unfinished" in note for note in left_out) == 1
+
+
+def test_one_leaderboard_alone_is_told_apart_from_nothing(tmp_path):
+    write_cell(tmp_path, "homo", "blue")
+    write_cell(tmp_path, "homo", "red")
+    assert text_table(only(tmp_path)).title == "cusick, 2 cloths, mean over cells, ranked by test_mse"
+
+
+def test_rows_without_any_interval_are_told(tmp_path):
+    """Twenty cells a row, all ranked first, and nothing said why."""
+    for solver, error in (("homo", 0.05), ("heter", 0.09)):
+        for seed in range(10):
+            for cloth in ("blue", "red"):
+                write_cell(tmp_path, solver, cloth, seed, test_mse=error)
+    board = only(tmp_path)
+    assert {row.rank for row in board.rows if row.kind == "solver"} == {1}
+    assert any(note.startswith("No row has an interval") for note in board.notes)
+    for seed in range(10, 12):
+        for cloth in ("blue", "red"):
+            write_cell(tmp_path, "homo", cloth, seed, test_mse=0.05 + 1e-3 * seed)
+    assert not any("has an interval" in note for note in only(tmp_path).notes)
+
+
+def test_numbers_of_draws_that_differ_between_cells_are_told(tmp_path):
+    """The column of the best of N was empty, and nothing said why."""
+    for cloth, draws in zip(CLOTHS, (100, 100, 97, 100, 100), strict=True):
+        write_cell(tmp_path, "bdp", cloth, draws=draws, test_mse_best=0.04)
+        write_cell(tmp_path, "homo", cloth)
+    (note,) = (note for note in only(tmp_path).notes if "draws a cell" in note)
+    assert note.startswith("bdp offers 97 to 100 draws a cell; a best of N is shown only where")
 
 
 def test_unknown_metric_or_statistic_is_refused(tmp_path):

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,6 +49,28 @@ def test_a_cell_that_was_edited_is_left_out_with_a_note(tmp_path):
     assert load_cells(tmp_path, changed=True).table["cloth"].tolist() == ["blue", "red"]  # for `verify`
     with pytest.raises(LeaderboardError, match="is not what the cell was finished with"):
         load_cells(tmp_path).require_sound()
+
+
+def _tested_on(cell: Path, rows: list[int]) -> None:
+    for path in cell.glob("*.json"):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"test": rows}))
+
+
+def test_a_cell_with_held_out_samples_and_no_error_on_them_is_damaged(tmp_path):
+    _tested_on(write_cell(tmp_path, "homo", "blue"), [1, 2])
+    _tested_on(write_cell(tmp_path, "homo", "red", test_mse=None), [1, 2])
+    _tested_on(write_cell(tmp_path, "homo", "pink", test_mse=None), [])
+    cells = load_cells(tmp_path)
+    assert cells.table["cloth"].tolist() == ["blue", "pink"]
+    assert "no finite test_mse" in cells.skipped[0].reason
+
+
+def test_samples_of_another_split_are_not_left_out_in_turn(tmp_path):
+    for split, rows in (("first-1", [4, 5]), ("first-8", [6])):
+        cell = write_cell(tmp_path, "homo", "blue", protocol=split)
+        _tested_on(cell, rows)
+        cell.rename(cell.with_name(split))
+    assert load_cells(tmp_path).table["repeat"].tolist() == [0, 0]
 
 
 def test_failed_cells_of_a_row_are_counted(tmp_path):
@@ -105,6 +128,12 @@ def test_drape_coefficients_of_all_silhouettes_that_are_used_are_plausible(plate
     limits = [(radius**2 - plate**2) / (cloth**2 - plate**2) for radius in (smallest, largest)]
     assert [implausible("train_dc_target", limit) for limit in limits] == ["", ""]
     assert implausible("test_dc_error", limits[1] - limits[0]) == ""
+
+
+@pytest.mark.parametrize("name", ["test_dc_rank_bias", "test_energy_score", "spent_wall_seconds", "draws"])
+def test_what_is_never_negative_is_said_to_be_so(name):
+    assert implausible(name, 0.0) == ""
+    assert implausible(name, -0.1) == f"{name} must be at least 0, got -0.1"
 
 
 def test_a_fair_score_below_zero_is_one(tmp_path):

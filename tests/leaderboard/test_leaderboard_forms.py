@@ -114,6 +114,14 @@ def test_command_refuses_with_status_2(tmp_path):
     assert shown_by_command([str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2
 
 
+def test_draws_that_no_sample_was_held_out_for_have_no_best(tmp_path):
+    """A lone `/100` stood in the column."""
+    write_cell(tmp_path, "bdp", "blue", draws=100, test_mse_best=None)
+    text = text_table(only(tmp_path))
+    (line,) = [entries for entries in text.entries if "bdp" in entries]
+    assert dict(zip((column.head for column in text.columns), line, strict=True))["best"] == ""
+
+
 def test_every_column_shows_its_own_metric_in_its_unit(tmp_path):
     metrics = {"train_mse": 0.0123, "test_mse": 0.0456, "test_mse_best": 0.0345, "test_hausdorff_m": 0.0316}
     metrics |= {"test_dc_error": 0.021, "test_folds_error": 1.3, "test_energy_distance": 0.912, "test_dc_crps": 0.0234}

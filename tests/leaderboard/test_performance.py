@@ -91,6 +91,16 @@ def test_solvers_compete_by_the_cost_of_coming_near_the_lowest_loss(table):
     assert profiles["cmaes"].ratios.tolist() == [inf]
 
 
+def test_a_solver_without_traces_has_no_cost_to_compare(tmp_path):
+    """It was not said never to come near: nobody knows what it had spent by then."""
+    for solver in ("homo", "sobol"):
+        _cell(tmp_path, solver, 0.02, [0.2, 0.1])
+    _cell(tmp_path, "equilibrium-gap", 0.03, [])
+    table = load_cells(tmp_path).table
+    assert {one.label for one in cost_profiles(table)} == {"homo", "sobol"}
+    assert {one.label for one in error_profiles(table)} == {"homo", "sobol", "equilibrium-gap"}
+
+
 def test_a_failed_cell_counts_and_one_that_was_not_run_does_not(tmp_path):
     for seed in (0, 1, 2):
         _cell(tmp_path, "homo", 0.02, [0.2, 0.1], seed)

@@ -90,6 +90,15 @@ def test_what_was_found_from_two_splits_stands_apart(tmp_path):
     assert errors == pytest.approx({"homo, split all": 3.0, "homo, split paper": 2.0})
 
 
+def test_cells_of_samples_left_out_in_turn_have_numbers_of_their_own_that_a_file_can_hold(tmp_path):
+    for sample in range(3):
+        for seed in (0, 7):
+            cell = write_cell(tmp_path, "homo", "blue", 10 * sample + seed, None)
+            result = json.loads((cell / "result.json").read_text()) | {"seed": seed, "test": [sample]}
+            (cell / "result.json").write_text(json.dumps(result))
+    assert sorted(cell_table(load_cells(tmp_path))["repeat"]) == [0, 7, 8, 15, 16, 23]
+
+
 def by_name(rows) -> dict:
     return {(row.solver, row.cloth): row for row in rows}
 

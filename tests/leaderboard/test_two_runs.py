@@ -1,6 +1,7 @@
 """Two runs side by side: ratios, what only one of them has, and runs that cannot be compared."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,7 @@ def test_ratio_is_this_run_over_the_other(tmp_path):
     there = load_cells(
         _run(tmp_path / "there", {"homo": 0.06, "sobol": 0.05, "null:disc": 0.05, "bdp": 0.1}, **settings)
     )
+    there = replace(there, run={"processor": "another chip"})
     both = compare_runs(here, there)
     assert [one.label for one in both.methods] == ["homo", "sobol", "null:disc"]
     homo, sobol, disc = (one.changes["test_mse"] for one in both.methods)
@@ -37,6 +39,7 @@ def test_ratio_is_this_run_over_the_other(tmp_path):
     assert [one.verdict for one in (homo, sobol, disc)] == ["better", "worse", "same"]
     assert (both.only_here, both.only_there) == (["heter"], ["bdp"])
     assert ("budget", "40", "None") in both.differences
+    assert ("processor", "another chip", "") in both.differences
 
 
 def test_splits_of_a_learning_curve_are_compared_each_with_itself(tmp_path):

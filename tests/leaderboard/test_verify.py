@@ -415,6 +415,17 @@ def test_cells_of_another_data_set_keep_what_is_known_of_them(make_lab, tmp_path
     assert len(verified_keys(out)) == 2
 
 
+@pytest.mark.parametrize("place", [".", "KEY"])
+def test_a_cell_is_found_from_within_its_run(make_lab, tmp_path, monkeypatch, place):
+    """Of `.` the folder two above was `.` again, which holds no cells."""
+    out = grid(make_lab((1.0,), samples=2), tmp_path / "out", ("null:disc",))
+    (cell,) = (out / "cells").iterdir()
+    monkeypatch.chdir(cell if place == "." else cell.parent)
+    shown = CliRunner().invoke(app, ["verify", place.replace("KEY", cell.name)])
+    assert shown.exit_code == 0, shown.output
+    assert verified_keys(out) == {cell.name}
+
+
 def test_thousands_of_cells_stay_verified(tmp_path):
     """Of 3000 cells the file has more than the 16 MiB up to which JSON is read elsewhere."""
     entry = {"status": "verified", "files": {}, "notes": ["x" * (17 << 20)]}

@@ -327,7 +327,11 @@ def test_groups_count_by_their_samples_and_sets_are_compared_as_a_whole():
     alone = [distribution_scores([draws[i] for i in own], [tests[i] for i in at]) for own, at in (low, high)]
     for name in ("test_energy_score", "test_variogram_score", "test_dc_crps", "test_dc_cover_90"):
         assert scores[name] == pytest.approx(0.25 * alone[0][name] + 0.75 * alone[1][name])
+    coefficients = np.array([shape.drape_coefficient for shape in (*draws, *tests)])
+    own = [ranks(coefficients[:30], coefficients[60:62]), ranks(coefficients[30:60], coefficients[62:])]
+    assert scores["test_dc_rank_bias"] == pytest.approx(abs(np.concatenate(own).mean() - 0.5))
     mixed = distribution_scores(draws, tests)
+    assert scores["test_dc_rank_bias"] != pytest.approx(mixed["test_dc_rank_bias"])
     assert scores["test_dc_crps"] < 0.7 * mixed["test_dc_crps"]
     assert scores["test_energy_distance"] == mixed["test_energy_distance"]
 

@@ -14,6 +14,7 @@ from cusick_bench.metrics import (
     PHASE_FREE,
     SCALES,
     STATISTICS,
+    Confusion,
     MetricError,
     Shape,
     drape_statistics,
@@ -162,6 +163,19 @@ def test_what_is_like_no_cloth_is_taken_for_none():
     between = judge.confusion(np.full((3, 8), 4.0), ["a"] * 3)
     np.testing.assert_array_equal(between.counts, [[0, 0, 3], [0, 0, 0]])
     assert between.strangers == 1
+
+
+def test_shares_count_each_cloth_alike_however_many_drapes_it_has():
+    found = Confusion(("a", "b"), np.array([[1, 0, 3], [0, 12, 4]]))
+    np.testing.assert_allclose(found.accuracies, [0.25, 0.75])
+    assert (found.accuracy, found.strangers) == (0.5, 0.5)
+
+
+def test_the_pooled_spread_is_unbiased():
+    """Two cloths with two drapes each, 1 from their means: four squares with two degrees of freedom."""
+    judge, _ = learn(np.array([[0.0], [2.0], [10.0], [12.0]]), list("aabb"), [1, 2, 1, 2])
+    assert judge.spread[0] == pytest.approx(np.sqrt(2))
+    np.testing.assert_allclose(judge.distances(np.array([[3.0]])), [[np.sqrt(2), 4 * np.sqrt(2)]])
 
 
 def test_classification_refuses_what_cannot_be_told_apart():

@@ -60,6 +60,11 @@ def test_all_pairs_equal_one_by_one_for_floats_and_bytes():
     np.testing.assert_allclose(iou_pairs(images, targets), both.sum((2, 3)) / either.sum((2, 3)))
 
 
+def test_two_empty_silhouettes_overlap_wholly_and_one_alone_does_not():
+    assert iou(np.zeros((4, 4)), np.zeros((4, 4))) == 1
+    assert iou(np.zeros((4, 4)), np.ones((4, 4))) == 0
+
+
 @pytest.mark.parametrize("pairs", [mse_pairs, iou_pairs])
 def test_no_images_have_no_pairs_and_images_without_pixels_are_refused(pairs):
     some, none = np.zeros((2, 8, 9)), np.zeros((0, 8, 9))

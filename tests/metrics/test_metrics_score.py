@@ -1,5 +1,6 @@
 """The score of a prediction: predictions of known score, and the figures measured on the public release."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,10 +122,28 @@ class TestFaces:
         scores = score(drawn, sample(images[0], "up"), tests)
         assert scores["test_mse"] == pytest.approx(2 / 3 * mse(images[1], images[0]))
 
+    def test_draws_of_one_face_are_counted_where_nothing_is_held_out(self):
+        assert self._score("")["draws"] == 2
+
     def test_there_are_as_many_of_either(self):
         two = np.stack([image(7), image(9)])
         with pytest.raises(SolverError, match="as many of one face"):
             Prediction(two[0], two, draw_turned=np.array([True, True]))
+
+
+def test_captures_of_one_sample_do_not_tell_its_distribution():
+    pixels = [image(7), image(7, 0.3), image(8)]
+
+    def distance(numbers: tuple[int, ...]) -> float:
+        tests = [
+            replace(sample(one), row=pd.Series({"side": "", "sample": number}))
+            for one, number in zip(pixels, numbers, strict=True)
+        ]
+        return score(Prediction(pixels[0], np.stack(pixels)), sample(pixels[0]), tests)["test_energy_distance"]
+
+    assert np.isnan(distance((5, 5, 5)))
+    assert np.isfinite(distance((5, 5, 6)))
+    assert distance((5, 5, 6)) != pytest.approx(distance((5, 6, 7)))
 
 
 def test_stored_draws_score_the_same_to_the_last_digit():

@@ -30,7 +30,7 @@ from cusick_bench.report.drawing.palette import DASHES, SERIES
 from cusick_bench.report.run.comparison import comparison_section
 from cusick_bench.report.run.content import Card, ClothSection, numbers
 from cusick_bench.report.run.method_curves import method_curves
-from cusick_bench.report.run.page import _linked
+from cusick_bench.report.run.page import _in_order, _linked
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
 
@@ -193,6 +193,36 @@ def test_a_mark_tells_methods_apart_once_colours_and_dashes_are_used_up(tmp_path
     assert "shaded the range of the cells" in page.text
 
 
+def test_ranges_are_told_only_where_there_are_few_enough_to_be_drawn(tmp_path):
+    for number in range(5):
+        write_cell(tmp_path, f"solver-{number}")
+    cells = load_cells(tmp_path)
+    curves = method_curves(cells, leaderboards(cells)[0])
+    assert curves is not None
+    assert not curves.has_ranges
+
+
+def test_solvers_stand_before_rows_without_physics_however_they_are_ranked(tmp_path):
+    for solver, error in (("homo", 0.05), ("sobol", 0.03), ("null:disc", 0.01)):
+        path = write_cell(tmp_path, solver) / "result.json"
+        result = json.loads(path.read_text())
+        result["metrics"]["test_mse"] = error
+        path.write_text(json.dumps(result))
+    cells = load_cells(tmp_path)
+    boards = leaderboards(cells)
+    assert [row.label for row in boards[0].rows] == ["null:disc", "sobol", "homo"]
+    assert [label for label, _ in _in_order(cells.table, boards)] == ["sobol", "homo", "null:disc"]
+
+
+def test_of_many_draws_the_first_are_shown(tmp_path):
+    cell = write_cell(tmp_path, "bdp", draws=8)
+    with np.load(cell / "prediction.npz") as archive:
+        arrays = dict(archive)
+    arrays["draws"] = np.arange(8, dtype=np.uint8)[:, None, None] * np.ones_like(arrays["draws"])
+    np.savez_compressed(cell / "prediction.npz", **arrays)
+    assert (255 * load_cell_view(cell).draws.max((1, 2))).round().tolist() == [0, 1, 2, 3, 4, 5]
+
+
 def test_rows_of_one_solver_are_counted_as_methods(tmp_path):
     """The leaderboard below had two."""
     for seed, vertices in enumerate((700, 2699)):
@@ -227,6 +257,13 @@ def test_what_is_shown_of_several_splits_is_told_apart(tmp_path):
     reals = [one["method"] for one in document["drapes"] if not one["anchor"]]
     assert reals == ["real silhouette of homo, split first-8", "real silhouette of homo, split paper"]
     assert "Some of the fits below are to other samples" in page.text
+    for split in ("paper", "first-8"):
+        assert f"lab, split {split}, 1 cloth, mean over cells" in page.text
+    links = [(link["href"] or "").lstrip("#") for link in page.all("a")]
+    cards = [attributes["id"] for name, attributes in page.tags if name == "article"]
+    assert len(cards) == 4
+    assert all(links.count(card) == 1 for card in cards), "from its row of its own leaderboard"
+    assert page.text.count("lab (sha256 abc)") == 1
     for title in ("Anytime curves", "Performance profiles"):
         assert f"{title} (split paper)" in page.text
         assert f"{title} (split first-8)" in page.text

@@ -40,6 +40,7 @@ class GridProgress:
         self._work: dict[Cell, float] = {}
         self._worked = 0.0  # work of the cells that are finished
         self._notes: dict[Cell, tuple[float, str]] = {}  # share and what is said of the cells under way
+        self._ended: set[Cell] = set()
         self._open = ExitStack()
         self._bars = _Bars(screen) if live(screen) and not quiet() else None
         self._lines = Lines(self.line, screen, interval) if self._bars is None and not quiet() else None
@@ -63,7 +64,7 @@ class GridProgress:
             waiting: Those that are not finished from earlier.
         """
         self.cells, self.finished, self.failed = len(cells), len(cells) - len(waiting), 0
-        self._work, self._notes = _work(cells), {}
+        self._work, self._notes, self._ended = _work(cells), {}, set()
         total = sum(self._work.values())
         self._worked = total - sum(self._work[cell] for cell in waiting)
         self._tally = Tally("cells", total, self._worked)
@@ -79,6 +80,8 @@ class GridProgress:
             loss: Smallest loss so far; infinite before the first.
             message: What the solver does now.
         """
+        if cell in self._ended:  # a worker's message takes another way than its result, and may come after it
+            return
         words = " ".join([f"loss {loss:.4f}"] * math.isfinite(loss) + [message] * bool(message))
         self._notes[cell] = (fraction, words)
         self._mark()
@@ -94,6 +97,7 @@ class GridProgress:
             failure: Printed where the cell failed.
         """
         self._notes.pop(cell, None)
+        self._ended.add(cell)
         self.finished += 1
         self.failed += status == "failed"
         self._worked += self._work[cell]

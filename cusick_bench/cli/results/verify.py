@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated
@@ -61,7 +62,11 @@ def verify_command(
     from cusick_bench.leaderboard.verification.verify import VERIFIED, keep, unreadable, verify_cell
     from cusick_bench.sim.setup import Simulators
 
-    run = target.parent.parent if (target / CELL_FILE).is_file() else target
+    if (target / CELL_FILE).is_file():
+        target = Path(os.path.abspath(target))  # a relative path, such as `.`, need not name the run's folder
+        run = target.parent.parent
+    else:
+        run = target
     cells = load_cells(run, changed=True)
     own = data_set_of(cells, data)  # cells of others cannot be judged by it, and keep what is known of them
     judged = only_of(cells, own)

@@ -129,7 +129,12 @@ def _links(sections: Sequence[ClothSection]) -> Links:
 
 def _board(board: Leaderboard, links: Links) -> BoardTable:
     table = text_table(board)
-    return replace(_board_table(table, board.notes, links), kinds=list(dict.fromkeys(table.kinds)))
+    own = {
+        (cloth, label.removesuffix(board.apart)): link
+        for (cloth, label), link in links.items()
+        if label.endswith(board.apart)
+    }
+    return replace(_board_table(table, board.notes, own), kinds=list(dict.fromkeys(table.kinds)))
 
 
 def _board_table(table: TextTable, notes: Sequence[str], links: Links) -> BoardTable:
@@ -280,8 +285,9 @@ def _summary(cells: Cells, cloths: int) -> str:
 
 def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
     run = command_record(cells.run, (folder.name for folder in cells.table["folder"]))
+    states = dict.fromkeys(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)
     found = [
-        ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
+        ("Data", "; ".join(states)),
         ("Command", typed(run.get("command", ""))),
         ("Code", code_text(run)),
         ("Hardware", hardware_text(run)),
