@@ -86,6 +86,7 @@ def test_little_data_gets_what_is_possible(emulator: Emulator, one_thread: None)
     assert any("captures are unequal, 1 to 2" in note for note in unequal.notes)
 
 
+@pytest.mark.slow
 def test_one_picture_of_each_drape_shows_creep_as_little_as_friction(one_thread: None) -> None:
     captures = read_captures(load("synthetic"), "fabric_2")
     first = captures.select(np.isin(captures.capture, (1, 3)))

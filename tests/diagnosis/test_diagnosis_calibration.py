@@ -78,6 +78,7 @@ def test_only_a_calibration_sees_the_atlas_as_it_was_fitted() -> None:
     assert texts["cli/diagnose/atlas.py"].count("load_uncalibrated(") == 1, "atlas calibrate alone"
 
 
+@pytest.mark.slow
 def test_likelihoods_are_those_of_each_share_of_the_discrepancy(emulator: Emulator) -> None:
     data, known = load_data("synthetic"), Calibration(inflation=1.3)
     captures = read_captures(data, data.cloths[0])

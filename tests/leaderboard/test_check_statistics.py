@@ -55,7 +55,14 @@ class TestStatistics:
             compare(before, after, level=0.05, generator=np.random.default_rng(0))
         assert calls.count(10) == calls.count(40) > 0
 
-    @pytest.mark.parametrize(("old", "new"), [((0, 1, 2), (10, 11, 12)), ((0, 1), (0, 1)), ((0,), (7,))])
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            ((0, 1, 2), (10, 11, 12)),
+            pytest.param((0, 1), (0, 1), marks=pytest.mark.slow),
+            pytest.param((0,), (7,), marks=pytest.mark.slow),
+        ],
+    )
     def test_reruns_pass_as_often_as_promised(self, old, new):
         """120 reruns of the same code: at 5 % more than 13 alarms would come by chance once in 250 trials."""
         generator = np.random.default_rng([1, len(old)])

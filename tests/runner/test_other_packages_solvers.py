@@ -132,7 +132,7 @@ def _words(out: Path, *solvers: str, workers: int = 1) -> list[str]:
 
 @pytest.mark.usefixtures("leaving")
 class TestEnd:
-    @pytest.mark.parametrize("workers", [1, 2])
+    @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
     def test_a_solver_that_calls_sys_exit_fails_its_own_cell_alone(self, tmp_path: Path, workers: int):
         result = CliRunner().invoke(app, _words(tmp_path / "run", "leaver", "null:disc", workers=workers))
         assert result.exit_code == 1, result.output

@@ -70,6 +70,7 @@ def _all_ended(processes: list[int]) -> bool:
     return not any(map(_state, processes))
 
 
+@pytest.mark.slow
 def test_a_run_that_is_told_to_stop_ends_its_workers_and_says_how_to_go_on(data, tmp_path):
     out = tmp_path / "out"
     process = _started(data, out, workers=2)

@@ -166,6 +166,7 @@ class TestInference:
         inference.take(list(specimens), list(shipped().of(leading, cloths, levels) + noise))
         return inference, np.stack(drapes)
 
+    @pytest.mark.slow
     def test_what_faces_differ_by_tells_how_the_cloth_curls(self, monkeypatch):
         found = {}
         for curl in (-1.0, 1.0):
@@ -193,6 +194,7 @@ class TestInference:
         assert found[0] > 0.3
         assert found[1] < -0.3
 
+    @pytest.mark.slow
     def test_every_other_drape_lies_the_other_way_up(self, monkeypatch):
         _, drapes = self._of_both_faces(1.5, monkeypatch)
         curls = drapes[:, trait_entry("curl")]

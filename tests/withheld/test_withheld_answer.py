@@ -161,6 +161,7 @@ def test_other_options_are_other_answers(
     assert {name for name, _ in answer.causes} <= {"none", "unknown", "density-bias"}
 
 
+@pytest.mark.slow
 def test_another_case_of_the_same_name_is_another_answer(
     small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None
 ) -> None:
@@ -174,7 +175,16 @@ def test_another_case_of_the_same_name_is_another_answer(
 
 
 @pytest.mark.parametrize(
-    "damage", ["no image", "one sample", "one face", "rotated", "no density", "other plate", "empty"]
+    "damage",
+    [
+        "no image",
+        "one sample",
+        "one face",
+        pytest.param("rotated", marks=pytest.mark.slow),
+        pytest.param("no density", marks=pytest.mark.slow),
+        "other plate",
+        "empty",
+    ],
 )
 def test_bad_cases_get_no_confident_answer(small_suite: Path, tmp_path: Path, one_thread: None, damage: str) -> None:
     case = tmp_path / "case"

@@ -80,6 +80,7 @@ class TestWhichCases:
             left_out_effects({"a": read_label(label("creep", 1.0), "a")}, 2)
 
 
+@pytest.mark.slow
 def test_just_the_own_effect_of_a_case_is_off_its_list(
     cases: Path, small_answers: Path, tmp_path: Path, one_thread: None
 ) -> None:

@@ -105,6 +105,7 @@ def test_a_set_is_found_whole(three: tuple[FabricData, FabricSets]) -> None:
     assert high / low < 2
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_posterior(three: tuple[FabricData, FabricSets]) -> None:
     fabric, sets = three
     assert weighed(fabric).posterior.effects == sets.posterior.effects

@@ -115,6 +115,7 @@ def test_the_nearer_of_two_look_alikes_is_taken(
     assert shares[-1] < 1
 
 
+@pytest.mark.slow
 def test_the_base_model_is_simulated_as_often_as_the_causes(
     emulator: Emulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
