@@ -2,8 +2,9 @@
 
 json_file: one JSON object; npz_file: arrays; csv_file: tables. All raise `BadFile`: the file, what is wrong with it,
 and the remedy. What we write: csv_text, tables without formulas; table_file, the same or Parquet; json_text. digest:
-fingerprints of files. plain_names: names of files that stand for cloths and the like. first_names: the first of many
-names, in messages. silence: work without warnings. folder_lock: folders that several processes write into.
+fingerprints of files. hidden: files that belong to no data. plain_names: names of files that stand for cloths and the
+like. first_names: the first of many names, in messages. silence: work without warnings. folder_lock: folders that
+several processes write into.
 """
 
 from cusick_bench.files.csv_file import CsvTable, read_csv

@@ -4,6 +4,8 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
+from cusick_bench.files.hidden import is_hidden_file
+
 
 def file_digest(path: Path) -> str:
     """SHA-256 of a file.
@@ -18,7 +20,7 @@ def file_digest(path: Path) -> str:
 
 
 def digests_below(folder: Path) -> dict[str, str]:
-    """SHA-256 of all files below a folder, hidden ones left aside, such as those that macOS puts into every folder.
+    """SHA-256 of all files below a folder but those that belong to no data, such as .DS_Store of macOS.
 
     Args:
         folder: The folder.
@@ -27,12 +29,11 @@ def digests_below(folder: Path) -> dict[str, str]:
         Hexadecimal digits by path, relative to it.
     """
     paths = {path.relative_to(folder): path for path in folder.rglob("*") if path.is_file()}
-    shown = {name: path for name, path in paths.items() if not any(part.startswith(".") for part in name.parts)}
-    return {name.as_posix(): file_digest(path) for name, path in shown.items()}
+    return {name.as_posix(): file_digest(path) for name, path in paths.items() if not is_hidden_file(name)}
 
 
 def folder_digest(folder: Path) -> str:
-    """SHA-256 of the names and bytes of all files in a folder that are not hidden.
+    """SHA-256 of the names and bytes of all files in a folder, as of `digests_below`.
 
     Args:
         folder: The folder.

@@ -11,11 +11,12 @@ from pydantic import ValidationError
 from cusick_bench.datasets import REGISTRY
 from cusick_bench.datasets.files.entry import is_image_folder
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
-from cusick_bench.datasets.files.layout import is_hidden, scan
+from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.files.digest import digests_below
 from cusick_bench.files.first_names import first_names
+from cusick_bench.files.hidden import is_hidden_file
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.workspace import Workspace, edited, fingerprint, keep, kept, recorded
@@ -81,7 +82,9 @@ def holds_photographs(folder: Path) -> bool:
     marked = any((place / name).exists() for place in (folder, folder / "data") for name in _MARKS)
     if marked or any(is_image_folder(path.name) and path.is_dir() for path in folder.glob("**/[sS][iI][lL]*")):
         return False
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and not _is_hidden(path.relative_to(folder))]
+    files = [
+        path for path in sorted(folder.rglob("*")) if path.is_file() and not is_hidden_file(path.relative_to(folder))
+    ]
     pictures = [path for path in files if path.suffix.lower() in SUFFIXES]
     if not pictures and any(path.suffix.lower() in UNREAD_SUFFIXES for path in files):
         return True  # to be refused as such
@@ -94,11 +97,6 @@ def holds_photographs(folder: Path) -> bool:
     if any(path.stem.lower().startswith(_RULERS) for path in pictures):
         return True
     return not _is_square(pictures[0])
-
-
-def _is_hidden(path: Path) -> bool:
-    """Whether a file is read as nothing at all, such as ._NAME, which macOS puts beside NAME."""
-    return path.name.startswith(".") or any(map(is_hidden, path.parts[:-1]))
 
 
 def _is_square(path: Path) -> bool:

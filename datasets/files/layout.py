@@ -15,6 +15,7 @@ from cusick_bench.datasets.files import fabrics, image, protocol
 from cusick_bench.datasets.files.entry import Entry, has_zero, is_home, parse_entry
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.files.first_names import first_names
+from cusick_bench.files.hidden import is_hidden
 from cusick_bench.sim.cloth import obj
 
 _DATA = "data"  # folder of the fabrics, in any case
@@ -129,18 +130,6 @@ def inside_root(root: Path, relative: str) -> Path:
     if not path.is_relative_to(root):
         raise DataError(f"path must stay within {root}", where=relative, remedy="remove it", kind="outside-link")
     return path
-
-
-def is_hidden(folder: str) -> bool:
-    """Whether nothing in a folder belongs to the data: hidden ones, `__MACOSX`, and thumbnails of a Synology disk.
-
-    Args:
-        folder: Its name.
-
-    Returns:
-        True for such a folder.
-    """
-    return folder.startswith((".", "__")) or folder == "@eaDir"
 
 
 def scan(root: str | Path) -> Layout:

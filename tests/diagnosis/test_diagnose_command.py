@@ -66,8 +66,12 @@ def test_nothing_is_said_to_be_unexplained_where_no_effect_explains_a_share(monk
     made = document(NO_PROFILES, "none") | {"budget": budget, "unexplained": {"share": left, "ci90": [left, left]}}
     diagnosis = SimpleNamespace(shared=None, together=list, document=lambda name, **asked: parsed(made))
     monkeypatch.setattr(data_set, "data_set_diagnosis", lambda captures, *asked: diagnosis)
-    finished = CliRunner().invoke(app, ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path)])
+    table = tmp_path / "table.csv"
+    asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path), "--table", str(table)]
+    finished = CliRunner().invoke(app, asked)
     assert finished.exit_code == 0, finished.output
+    (row,) = csv.DictReader(table.read_text().splitlines())
+    assert {bool(row[name]) for name in ("unexplained", "unexplained_low", "unexplained_high")} == {bool(budget)}
     (written,) = tmp_path.rglob("diagnosis.html")
     assert ("unexplained of the gap" in finished.output) == bool(budget)
     assert ("<dt>unexplained</dt>" in written.read_text()) == bool(budget)
@@ -103,6 +107,64 @@ def test_a_fabric_of_too_few_usable_samples_is_diagnosed_only_if_it_is_named(dia
     assert f"silk is left out: pictures of {3 - len(spoiled)} of its samples" in " ".join(finished.stderr.split())
     named = CliRunner().invoke(app, [*asked, "--fabric", "silk"])
     assert named.exit_code == (0 if len(spoiled) == 1 else 2)
+
+
+def test_table_and_terminal_say_what_the_document_says(monkeypatch, tmp_path):
+    made = document(NO_PROFILES, "effect") | {
+        "effects": ["off-centre"],
+        "groups": [["cut-size", "threshold"], ["creep", "bending-friction"]],
+        "budget": [{"effect": "off-centre", "share": 0.61, "ci90": [0.52, 0.73]}],
+        "unexplained": {"share": 0.39, "ci90": [0.27, 0.48]},
+        "fit": {"base": 1.5, "novelty_p": 0.21, "misfit": 0.4},
+        "with_effect": ["off-centre:shift=0.008,direction=40"],
+        "made": {"version": "diagnosis 99", "command": "cusick-bench diagnose lab"},
+        "notes": ["answered in part"],
+    }
+    diagnosis = SimpleNamespace(shared=None, together=list, document=lambda name, **asked: parsed(made))
+    monkeypatch.setattr(data_set, "data_set_diagnosis", lambda captures, *asked: diagnosis)
+    table = tmp_path / "table.csv"
+    asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path), "--table", str(table)]
+    finished = CliRunner().invoke(app, asked, env={"COLUMNS": "300"})
+    assert finished.exit_code == 0, finished.output
+    (row,) = csv.DictReader(table.read_text().splitlines())
+    assert {name: row[name] for name in row if name not in ("parameters", "probability")} == {
+        "fabric": made["fabric"],
+        **{"samples": "12", "captures": "48", "verdict": "effect", "p": "0.0004", "effects": "off-centre"},
+        **{"one_of": "cut-size|threshold + creep|bending-friction", "budget": "off-centre=0.61"},
+        **{"unexplained": "0.39", "unexplained_low": "0.27", "unexplained_high": "0.48", "novelty_p": "0.21"},
+        **{"set90": "off-centre camera-offset", "gap_base": "0.0874", "gap_floor": "0.0126"},
+        **{"gap_with_effects": "0.021", "closure": "0.78", "closure_low": "0.55", "closure_high": "0.93"},
+        **{"refused": "", "command": "cusick-bench diagnose lab", "code": "diagnosis 99"},
+    }
+    for said in (
+        "gap 0.087 (floor 0.013), p = 0.0004",
+        "61% (52% to 73%)",
+        "unexplained of the gap on unseen samples: 39% (27% to 48%)",
+        "with off-centre the gap on unseen samples shrinks by 78% (90 %: 55% to 93%)",
+        "simulate with: --with-effect off-centre:shift=0.008,direction=40",
+        "next: rotate by 90 degrees (0.62 bits). Drape samples turned by 90 degrees",
+        "note: answered in part",
+    ):
+        assert said in finished.output
+
+
+def test_the_table_of_a_run_that_is_stopped_has_the_fabrics_that_were_ready(diagnosed, monkeypatch, tmp_path):
+    made = data_set.data_set_diagnosis({}, None, None, None)
+
+    def stopped(name: str, **asked):
+        if diagnosed:
+            raise KeyboardInterrupt
+        return made.document(name, **asked)
+
+    diagnosis = SimpleNamespace(shared=None, together=list, document=stopped)
+    monkeypatch.setattr(data_set, "data_set_diagnosis", lambda captures, *asked: diagnosis)
+    named = ["--fabric", "fabric_2", "--fabric", "fabric_1"]
+    asked = ["diagnose", "synthetic", *named, "--out", str(tmp_path), "--table", str(tmp_path / "table.csv")]
+    finished = CliRunner().invoke(app, asked)
+    assert finished.exit_code == 130
+    assert "1 of 2 fabrics are written" in finished.stderr
+    rows = csv.DictReader((tmp_path / "table.csv").read_text().splitlines())
+    assert [row["fabric"] for row in rows] == ["fabric_2"]
 
 
 def test_a_table_that_cannot_be_written_is_refused_before_the_work(diagnosed, tmp_path):

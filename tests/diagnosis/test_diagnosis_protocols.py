@@ -1,5 +1,6 @@
 """The same drapes under another laboratory's protocol are diagnosed alike, or it is said why not."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from cusick_bench.datasets import load
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.diagnose import diagnose
-from cusick_bench.diagnosis.document.build import document
+from cusick_bench.diagnosis.document.build import _measured, document
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
+from cusick_bench.diagnosis.document.with_effect import turning_notes
 from cusick_bench.diagnosis.errors import DiagnosisError, Refused
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.residuals.refusal import doubts
@@ -136,6 +138,22 @@ def test_a_direction_that_turns_over_with_the_cloth_is_told(laboratories, frame)
     assert listed.turns_with_cloth == (frame == "cloth")
 
 
+@pytest.mark.parametrize("turned", ["about y", "about x"])
+def test_what_simulates_cloth_face_down_is_seen_where_the_camera_sees_it(laboratories, turned):
+    """Simulated cloth is turned over about y: `run` sees its warp at 180 degrees."""
+    known = {(one.name, one.frame): one for one in hypotheses(load_uncalibrated()[0])}
+    places = {"direction": 30.0, "radius": 0.12, "size": 0.02}
+    leaning = Candidate(known["plate-tilt", "cloth"], {"angle": 2.0, "direction": 30.0}, 0.0, 0.0, 0.0)
+    heavy = Candidate(known["local-mass-patch", "cloth"], {"mass": 1.0, **places}, 0.0, 0.0, 0.0)
+    nominal = captures(laboratories, "release")
+    ours = replace(nominal, protocol=replace(nominal.protocol, turn_over=turned))
+    seen = ours.seen_at()[ours.side == "down"][0, 30]
+    notes = list(turning_notes((leaning, heavy), ours.warp_seen_down))
+    assert (int(re.findall(r"give (\d+) minus the direction", notes[0])[0]) - 30) % 360 == seen
+    on_cloth = 30 + (180 if "give the direction plus 180" in notes[-1] else 0)
+    assert (180 - on_cloth) % 360 == seen
+
+
 @pytest.mark.parametrize(("face", "direction"), [("up", 30), ("down", 150)])
 def test_one_face_does_not_tell_whether_a_direction_turns_over_with_the_cloth(laboratories, face, direction):
     """It is stated on the bench: a cloth that was turned over about y is seen there as a mirror image."""
@@ -215,6 +233,21 @@ def test_few_samples_of_each_face_are_not_called_few_samples(laboratories):
     ):
         ours = both.select(rows)
         assert doubts(ours, sample_statistics(ours).features())[0].startswith(words)
+
+
+def test_pictures_of_unknown_face_that_do_not_count_are_said(laboratories):
+    both = captures(laboratories, "release")
+    for unknown, count in ((both.side == "down", 6), (both.side == "up", 0), (both.sample == 2, 0)):
+        ours = replace(both, side=np.where(unknown, "", both.side))
+        found = [one for one in doubts(ours, sample_statistics(ours).features()) if "unknown face" in one]
+        assert [f"{count} of them count for nothing but drift" in note for note in found] == [True] * bool(count)
+
+
+def test_outlines_of_cloth_turned_over_about_x_are_shown_as_if_about_y(laboratories):
+    ours = captures(laboratories, "release")
+    radii = np.where((ours.side == "down")[:, None], np.roll(ours.radii, 180, axis=1), ours.radii)
+    other = replace(ours, radii=radii, protocol=replace(ours.protocol, turn_over="about x"))
+    assert _measured(other) == _measured(ours)
 
 
 def test_a_picture_under_several_names_is_said(laboratories):

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,11 @@ from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.files import digest
 from cusick_bench.files.digest import file_digest
-from cusick_bench.withheld.answers import blind
+from cusick_bench.withheld.answers import blind, oracle
 from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_captures, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
 from cusick_bench.withheld.answers.parts import case_part
@@ -239,6 +241,7 @@ def test_an_atlas_that_cannot_be_used_answers_no_case(tmp_path: Path) -> None:
         ({"effect": ["creep", "camera-scale"], "parameters": {"loss": 0.6}}, "lacks error of camera-scale"),
         ({"effect": "creep", "parameters": {"loss": "much"}}, "the label of case_0001 lacks loss of creep"),
         ({"effect": "creep", "parameters": None}, "the label of case_0001 lacks loss of creep"),
+        ({"effect": "creep", "parameters": {"loss": 1.5}}, "the label of case_0001 is of nothing .* got 1.5; correct"),
     ],
 )
 def test_what_a_label_leaves_out_is_not_taken_as_typical(tmp_path: Path, label: dict, message: str) -> None:
@@ -247,6 +250,20 @@ def test_what_a_label_leaves_out_is_not_taken_as_typical(tmp_path: Path, label: 
     with pytest.raises(WithheldError, match=message):
         oracle_closures(tmp_path / "cases", labels, tmp_path / "oracle.json", SHIPPED, Draping(2))
     assert not (tmp_path / "oracle.json").exists()
+
+
+def test_what_a_label_states_besides_is_no_parameter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other programs may write what they like, such as a seed."""
+    acting: list[Candidate] = []
+
+    def closed(captures: object, emulator: object, causes: Sequence[Candidate], draping: object) -> None:
+        acting.extend(causes)
+
+    monkeypatch.setattr(oracle, "closure_by", closed)
+    monkeypatch.setattr(oracle, "case_captures", lambda folder: None)
+    label = LabelDocument.model_validate({"effect": "creep", "parameters": {"loss": 0.6, "seed": 3}})
+    assert oracle_closure(tmp_path, label, SHIPPED, Draping(2)) is None
+    assert [one.value for one in acting] == [{"loss": 0.6}]
 
 
 @pytest.mark.slow

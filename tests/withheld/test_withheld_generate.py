@@ -161,10 +161,16 @@ def test_the_files_of_every_case_are_sealed_when_all_are_there(made, tmp_path):
 
 
 def test_what_a_file_manager_leaves_in_a_case_does_not_break_its_seal(made, tmp_path):
-    """macOS puts .DS_Store into every folder that is looked at."""
+    """macOS puts .DS_Store into every folder that is looked at, Windows and disks of a network their thumbnails."""
     cases = shutil.copytree(made[0], tmp_path / "cases")
-    (cases / "case_0003" / ".DS_Store").write_bytes(b"Bud1")
+    for left in (".DS_Store", "Thumbs.db", "desktop.ini", "@eaDir/a.jpg", "__MACOSX/._a.jpg", "Fabric 1/@eaDir/a.jpg"):
+        path = cases / "case_0003" / left
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(b"Bud1")
     generate(suite(), cases, made[1])
+    (cases / "case_0003" / "Fabric 1" / "a.jpg").write_bytes(b"Bud1")
+    with pytest.raises(WithheldError, match="the files of case_0003 have another SHA-256"):
+        generate(suite(), cases, made[1])
 
 
 def test_a_case_has_the_same_bytes_where_lines_of_text_end_otherwise(made, tmp_path, monkeypatch):

@@ -3,10 +3,12 @@
 import json
 from dataclasses import replace
 from math import isnan, nan
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import typer
+from doc_examples import examples
 from scored_answers import answer, label, perfect, revealed, score, scored, suite
 from typer.testing import CliRunner
 
@@ -137,6 +139,30 @@ class TestFiles:
         said["where"] = {"stage": {"material": 0.5, "history": None}}
         revealed(tmp_path, {"a": label("creep")}, {"a": said})
 
+    @pytest.mark.parametrize(
+        ("said", "verdict"),
+        [
+            ({"causes": [("none", 0.9), ("creep", 0.1)], "set90": ["none"]}, "none"),
+            ({"causes": [("creep", 0.1), ("unknown", 0.9)], "set90": ["unknown"]}, "unknown"),
+            ({"causes": [("creep", 0.6), ("none", 0.4)], "set90": ["creep", "none"]}, "effect"),
+            ({"causes": [("none", 0.6), ("creep", 0.4)], "set90": ["creep"], "effects": ["creep"]}, "effect"),
+            ({"set90": ["none"]}, "none"),
+            ({"refused": "no pictures"}, "refused"),
+        ],
+    )
+    @pytest.mark.parametrize("given", [{}, {"verdict": None}])
+    def test_the_verdict_of_an_answer_without_one_is_what_it_says(self, tmp_path, said, verdict, given):
+        """An answer that found `none` the likeliest of its causes was taken for a false alarm."""
+        stated = [{"effect": name, "probability": p} for name, p in said.get("causes", [])]
+        found = revealed(tmp_path, {"a": label("none")}, {"a": {**said, "causes": stated, **given}})
+        assert found.answers["a"].verdict == verdict
+        assert score(found).value("false positives") == (verdict in ("effect", "unknown"))
+
+    def test_a_refusal_needs_no_more_than_its_verdict(self, tmp_path):
+        """So says the message on a case without an answer."""
+        found = revealed(tmp_path, {"a": label("creep")}, {"a": {"verdict": "refused"}})
+        assert (found.answers["a"].set90, score(found).value("power")) == ((), 0)
+
     def test_a_refusal_without_a_label_is_not_scored(self, tmp_path):
         """A folder that lies beside the cases is answered, too; it says nothing of them."""
         answers = {"a": answer("none"), "checks": answer("refused")}
@@ -232,6 +258,14 @@ class TestFiles:
         answers = {"a": answer("none", p=0.5), "b": answer("none", p=0.1), "c": answer("none")}
         answers["c"]["gap"] = {}
         assert scored(tmp_path, labels, answers).value("detection AUROC") == 0.5
+
+
+def test_labels_and_answers_of_the_documentation_are_scored(tmp_path):
+    page = Path(__file__).resolve().parents[2] / "docs" / "diagnose.md"
+    labels, answers = (json.loads(one.text) for one in examples(page) if one.language == "json")
+    found = scored(tmp_path, labels, answers)
+    assert found.value("exact effect") == found.value("pairs: both found") == found.value("90 % set covers") == 1
+    assert found.value("false positives") == found.value("unknown recalled") == 0
 
 
 @pytest.fixture

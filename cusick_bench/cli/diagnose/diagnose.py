@@ -101,8 +101,8 @@ def diagnose_data(
             if one.refused is not None and len(chosen) == 1:
                 raise Refused(one.refused)
             written.append(_write(one, out / folders[name]))
-    if summary is not None:
-        _summarise([one.document for one in written], summary)
+            if summary is not None:  # after each of them: a fabric takes minutes
+                _summarise([one.document for one in written], summary)
     if as_json:
         laboratory = {} if shared is None else {"laboratory": shared.content()}
         print_json({**laboratory, "fabrics": [one.content() for one in written]})
@@ -171,7 +171,7 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
     rows = []
     for one in documents:
         low, high = one.closure.ci90 or (None, None)
-        left_low, left_high = one.unexplained.ci90 or (None, None)
+        left_low, left_high = (None, None) if one.share_left is None else one.unexplained.ci90 or (None, None)
         by_name = {cause.effect: cause for cause in one.causes}
         named = [by_name[name] for name in one.effects if name in by_name]
         rows.append(
@@ -186,7 +186,7 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
                 "probability": " ".join(f"{cause.acting or 0:.2f}" for cause in named),
                 "parameters": "; ".join(f"{cause.effect}: {', '.join(_parameters(cause))}" for cause in named),
                 "budget": " ".join(f"{share.effect}={share.share:.2f}" for share in one.budget),
-                "unexplained": one.unexplained.share,
+                "unexplained": one.share_left,
                 "unexplained_low": left_low,
                 "unexplained_high": left_high,
                 "novelty_p": one.fit.novelty_p,

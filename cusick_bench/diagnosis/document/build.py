@@ -86,7 +86,7 @@ def document(
         ),
         notes=(
             *diagnosis.notes,
-            *turning_notes(diagnosis.causes),
+            *turning_notes(diagnosis.causes, captures.warp_seen_down),
             *bound_notes(diagnosis.causes, captures.protocol.cloth_scale),
         ),
         without=diagnosis.without,

@@ -73,18 +73,27 @@ def turns_with_cloth(one: Candidate) -> bool:
     return in_lab(one.hypothesis.effect) and one.hypothesis.frame == "cloth"
 
 
-def turning_notes(causes: Iterable[Candidate]) -> Iterator[str]:
-    """A note for each cause that `with_effect` simulates in another frame than the one in which it was found.
+def turning_notes(causes: Iterable[Candidate], warp_seen_down: float = np.pi) -> Iterator[str]:
+    """A note for each cause that `with_effect` simulates at another place of cloth that lies face down.
 
     Args:
         causes: The causes.
+        warp_seen_down: Angle at which the camera sees the warp of a cloth that lies face down [rad]. Simulated cloth is
+            turned over about y (pi).
 
     Yields:
         How to simulate cloth that lies face down.
     """
+    warp = round(np.rad2deg(warp_seen_down))
     for one in causes:
         if turns_with_cloth(one):
             yield (
                 f"{one.hypothesis.name}: its direction turns over with the cloth in these pictures; --with-effect "
-                "keeps it in the laboratory, so to simulate cloth that lies face down give 180 minus the direction"
+                f"keeps it in the laboratory, so to simulate cloth that lies face down give {warp or 360} minus the "
+                "direction"
+            )
+        elif one.hypothesis.effect.located == "patch" and warp != 180:
+            yield (
+                f"{one.hypothesis.name}: samples were turned over about x, but --with-effect turns cloth over about y, "
+                "so to simulate cloth that lies face down give the direction plus 180"
             )

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cusick_bench.datasets.files.layout import is_hidden
+from cusick_bench.files.hidden import is_hidden
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from cusick_bench.datasets import load
 from cusick_bench.datasets.errors import DataNotFound
-from cusick_bench.datasets.files.layout import is_hidden, scan
+from cusick_bench.datasets.files.layout import scan
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document import answer as stated
@@ -24,6 +24,7 @@ from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.files.digest import file_digest, folder_digest
 from cusick_bench.files.first_names import first_names
+from cusick_bench.files.hidden import is_hidden
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically

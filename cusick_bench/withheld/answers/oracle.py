@@ -17,8 +17,8 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
 from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.store import write_atomically
-from cusick_bench.sim.effects import registered
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.errors import CusickError, SimulationError
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of, require_unchanged
 from cusick_bench.withheld.errors import WithheldError
@@ -73,7 +73,8 @@ def oracle_closures(
         The closure of each case.
 
     Raises:
-        WithheldError: Labels of another suite than the cases, or a label without all parameters of its effects.
+        WithheldError: Labels of another suite than the cases, or a label without all parameters of its effects, or
+            with some out of their bounds.
     """
     files, atlas_sha256 = require_labels_of(cases, labels), file_digest(atlas)
     truth = {case: truth_of(label) for case, label in labels.items()}
@@ -93,16 +94,29 @@ def _require_parameters(case: str, label: LabelDocument) -> None:
     """Makes sure that a label says how its effects act: what it leaves out would be taken as typical.
 
     Raises:
-        WithheldError: A parameter is missing.
+        WithheldError: A parameter is missing or out of its bounds.
     """
     given = label.parameters_of_effects
     for place, name in enumerate(label.effects):
         known, stated = registered().get(name), given[place] if place < len(given) else {}
-        if known is not None and (lacking := [p.name for p in known.parameters if p.name not in stated]):
+        if known is None:
+            continue
+        if lacking := [p.name for p in known.parameters if p.name not in stated]:
             raise WithheldError(
                 f"the closure by the true effect needs all of its parameters, but the label of {case} lacks "
                 f"{', '.join(lacking)} of {name}; write them under `parameters`"
             )
+        try:
+            known.complete(_own_parameters(known, stated))
+        except SimulationError as error:
+            raise WithheldError(
+                f"the label of {case} is of nothing that can be simulated: {error}; correct it"
+            ) from error
+
+
+def _own_parameters(effect: Effect, stated: Mapping[str, float]) -> dict[str, float]:
+    """Parameters of an effect in a label, which may state more."""
+    return {p.name: float(stated[p.name]) for p in effect.parameters if p.name in stated}
 
 
 def _part(out: Path, case: str, files: str, label: LabelDocument, atlas: Path, draping: Draping) -> Path:
@@ -132,8 +146,8 @@ def oracle_closure(folder: Path, label: LabelDocument, atlas: Path, draping: Dra
         return None
     causes = []
     for name, value in zip(label.effects, label.parameters_of_effects, strict=True):
-        given = {key: float(number) for key, number in value.items()}
-        full = {key: float(number) for key, number in known[name].effect.complete(given).items()}
+        effect = known[name].effect
+        full = {key: float(number) for key, number in effect.complete(_own_parameters(effect, value)).items()}
         causes.append(Candidate(known[name], full, 0.0, 0.0, 0.0))
     try:
         gap = closure_by(case_captures(folder), emulator, tuple(causes), draping)

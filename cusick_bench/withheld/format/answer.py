@@ -54,6 +54,20 @@ def _listed(value: Any) -> Any:
     return value if isinstance(value, list | tuple) else []
 
 
+def _verdict_of(answer: dict[str, Any]) -> Any:
+    """The verdict that an answer gives, or else what it amounts to by the rest of it, which is not checked yet."""
+    if answer.get("verdict") is not None:
+        return answer["verdict"]
+    if answer.get("refused"):
+        return REFUSED
+    listed = answer.get("causes")
+    stated = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list | tuple) else []
+    known = [one for one in stated if isinstance(one.get("probability"), int | float)]
+    likeliest = max(known, key=lambda one: one["probability"], default={"effect": causes.NONE}).get("effect")
+    named = answer.get("effects") or answer.get("groups") or likeliest not in (causes.NONE, causes.UNKNOWN)
+    return "effect" if named else likeliest
+
+
 Verdict = Annotated[str, BeforeValidator(lambda name: known_name(str(name), VERDICTS))]
 MapRow = Annotated[tuple[Number | None, ...], Field(min_length=location.SECTORS, max_length=location.SECTORS)]
 MapOfCells = Annotated[tuple[MapRow, ...], Field(min_length=location.RINGS, max_length=location.RINGS)]
@@ -121,7 +135,8 @@ class BaselineAnswer(Document):
     """A blind answer to one case, by a diagnosis or by a simpler method.
 
     Attributes:
-        verdict: One of `VERDICTS`; where none is given, `effect` if any cause is named, else `none`.
+        verdict: One of `VERDICTS`; where none is given, what the answer amounts to: `refused` if it says why, `effect`
+            if it names effects or an effect is the likeliest of its causes, `unknown` if that is, else `none`.
         gap: The gap between data and simulation.
         named: The set of effects that act together, where it is stated.
         groups: Look-alikes of which one acts beside the named set, the likeliest of each first.
@@ -153,9 +168,7 @@ class BaselineAnswer(Document):
     @model_validator(mode="before")
     @classmethod
     def _default_verdict(cls, value: Any) -> Any:
-        if isinstance(value, dict) and "verdict" not in value:
-            return {**value, "verdict": "effect" if value.get("causes") else "none"}
-        return value
+        return {**value, "verdict": _verdict_of(value)} if isinstance(value, dict) else value
 
     @model_validator(mode="after")
     def _check_causes(self) -> "BaselineAnswer":
@@ -262,7 +275,7 @@ class Answer(BaselineAnswer):
     """The answer to one case.
 
     Attributes:
-        stated_set: Names of the 90 % set; an answer must give them.
+        stated_set: Names of the 90 % set; an answer must give them, unless it is a refusal.
         baselines: Answers of simpler methods to the same case, by method.
         refused: Why the case could not be diagnosed; "" where it was.
     """
@@ -270,6 +283,11 @@ class Answer(BaselineAnswer):
     stated_set: tuple[SetMemberName, ...] | None = Field(alias="set90")
     baselines: Annotated[dict[str, BaselineAnswer], _for_null({})] = Field(default_factory=dict)
     refused: Annotated[str, _for_null("")] = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_set_of_a_refusal(cls, value: Any) -> Any:
+        return {"set90": [], **value} if isinstance(value, dict) and _verdict_of(value) == REFUSED else value
 
     def baseline(self, method: str) -> BaselineAnswer:
         """The answer of a simpler method, which was not offered what this one was not offered either.

@@ -71,6 +71,12 @@ def doubts(captures: Captures, features: Features) -> list[str]:
         )
     elif features.samples.min() < features.samples.max():
         notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
+    known_up = np.isin(captures.sample, captures.sample[captures.side == "up"])
+    if left_out := int(((captures.side == "") & known_up).sum()):
+        notes.append(
+            f"pictures of unknown face are taken for face up only in samples without others that are; {left_out} of "
+            "them count for nothing but drift: state their faces under `captures` in protocol.json"
+        )
     if repeated := _repeated(captures):
         notes.append(
             f"{repeated} picture{'s' * (repeated != 1)} of this fabric repeat others, which no two drapes do: samples "
