@@ -105,6 +105,7 @@ class TestRealCloth:
         assert {row.side for row in rows} == {"up", "down"}
         assert all(row.responses.drapes >= 3 for row in rows)
 
+    @pytest.mark.slow
     def test_published_numbers_are_those_of_the_release(self, real_data):
         found = {(row.cloth, row.side): row.responses for row in cloth_rows(load(real_data))}
         assert found["fabric_2", "up"].drape_coefficient == pytest.approx(PUBLISHED["cotton_blue"][0], abs=0.02)

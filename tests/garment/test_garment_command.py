@@ -119,6 +119,7 @@ def test_command_refuses_bad_input(arguments: list[str], message: str):
     assert message in " ".join(result.output.split())
 
 
+@pytest.mark.slow
 def test_nothing_of_an_earlier_skirt_stays_beside_a_new_one(tmp_path: Path):
     folder = tmp_path / "out"
     arguments = [*NUMBERS, *SMALL, "--out", str(folder)]

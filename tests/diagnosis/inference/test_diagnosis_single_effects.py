@@ -31,7 +31,7 @@ from cusick_bench.sim.effects.effect_timing import acts_later
         pytest.param("face-asymmetry", marks=pytest.mark.slow),
         pytest.param("rest-curvature", marks=pytest.mark.slow),
         pytest.param("perspective", marks=pytest.mark.slow),
-        "local-mass-patch",
+        pytest.param("local-mass-patch", marks=pytest.mark.slow),
     ],
 )
 def test_planted_shift_is_named(emulator: Emulator, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
