@@ -107,13 +107,16 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         groups = dict(variants(table))
         unmeasured = {metric: _unmeasured(groups, metric) for metric in metric_names(table)}
         rows = ranking.rows(cells, table, cloths, unmeasured[by])
-        identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        others = places - {_place(table.iloc[0])}
-        skipped = [cell for cell in cells.skipped if _place(cell.columns) not in others]
+        place = _place(table.iloc[0])
+        skipped = [cell for cell in cells.skipped if _place(cell.columns) not in places - {place}]
         notes = (interval_note(table), *row_notes(rows, groups, skipped, cloths, by, unmeasured))
         run = command_record(cells.run, (folder.name for folder in table["folder"]))
-        made = Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=run)
-        boards.append(replace(made, apart=apart))
+        identity = dict(zip(BOARD, place, strict=True))
+        boards.append(
+            Leaderboard(
+                **identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=run, apart=apart
+            )
+        )
     return boards
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from atlas_fabrics import only
 from other_laboratory import LARGE_IMAGES, NEAR_CAMERA, SMALL_CLOTH, write_laboratory
 from typer.testing import CliRunner
 
@@ -29,7 +30,6 @@ from cusick_bench.diagnosis.measure.statistics import FREE, RESOLUTION, capture_
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.problem.scene import parse_causes
 from cusick_bench.report.diagnosis.wording.words import cloth_in_words
-from cusick_bench.sim.effects import registered
 
 CLOTH = "fabric_3"
 
@@ -81,11 +81,6 @@ def test_lengths_of_another_cloth_are_said_to_be_scaled(laboratories):
         "lengths are those of the atlas' cloth of 150 mm radius; for this one, of 120 mm, multiply them by 0.8"
     ]
     assert to_atlas(captures(laboratories, "large images"))[1] == []
-
-
-def only(*effects: str) -> Options:
-    """Few effects on the list, to save time."""
-    return Options(samples=0, without=tuple(set(registered()) - set(effects)))
 
 
 def test_causes_to_simulate_are_in_the_laboratorys_lengths(laboratories):

@@ -56,13 +56,17 @@ def test_a_gliding_skirt_falls_as_one_at_rest_does():
     assert np.abs(still.positions - laid).max() > 0.02
 
 
+def about_the_axis(angle: float) -> ndarray:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]])
+
+
 @dataclass(frozen=True)
 class Spinning(WaistMotion):
     """A waist that turns evenly, without end."""
 
     def pose(self, time: float) -> tuple[ndarray, ndarray]:
-        cosine, sine = np.cos(5.0 * time), np.sin(5.0 * time)
-        return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]]), np.zeros(3)
+        return about_the_axis(5.0 * time), np.zeros(3)
 
 
 def test_a_skirt_that_turns_with_its_waist_hangs_as_in_a_twirl_the_better_the_shorter_the_steps():
@@ -87,8 +91,7 @@ class Turned(WaistMotion):
     """A waist that stands still, turned by 2 rad."""
 
     def pose(self, time: float) -> tuple[ndarray, ndarray]:
-        cosine, sine = np.cos(2.0), np.sin(2.0)
-        return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]]), np.zeros(3)
+        return about_the_axis(2.0), np.zeros(3)
 
 
 def test_a_turned_wearer_wears_the_skirt_as_one_who_faces_the_front():

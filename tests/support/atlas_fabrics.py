@@ -15,7 +15,8 @@ from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import NAMES
-from cusick_bench.sim.effects import effect
+from cusick_bench.diagnosis.options import Options
+from cusick_bench.sim.effects import effect, registered
 from cusick_bench.sim.setup import Simulators, drape_setups
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
@@ -41,6 +42,11 @@ def fabric_of(emulator: Emulator, specimens: np.ndarray, drift: np.ndarray) -> F
 
 def residual_of(emulator: Emulator, specimens: np.ndarray, drift: np.ndarray) -> Residual:
     return fabric_of(emulator, specimens, drift).against()
+
+
+def only(*effects: str) -> Options:
+    """Few effects on the list and no simulations, to save time."""
+    return Options(samples=0, without=tuple(set(registered()) - set(effects)))
 
 
 @cache

@@ -122,7 +122,7 @@ def closures(
         model = _Model(emulator, samples, fitted, residual, draping, (_SEED, draping.seed, number))
         held_out.append(samples.specimens[held])
         base.append(_simulated(model, (), refit, more=more).drapes)
-        for drapes, causes, done in zip(with_causes, compared, done_after, strict=False):
+        for drapes, causes, done in zip(with_causes, compared, done_after[:-1], strict=True):
             progress((number + done) / len(parts))
             if causes:
                 drapes.append(_exchanged(model, _simulated(model, causes, refit), instead).drapes)

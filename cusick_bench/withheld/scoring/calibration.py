@@ -25,8 +25,7 @@ from scipy.stats import t as student
 BINS = 10
 PER_BIN = 15  # least number of cases in a bin
 LEAST_PROBABILITY = 1e-4  # least probability in the logarithmic score
-_SCATTER = 2  # cases below which nothing can be told of their scatter
-_ALIKE = 1e-9  # relative difference of cases that are alike but for rounding
+_ALIKE = 1e-9  # relative difference of values that are alike but for rounding
 
 
 @lru_cache(maxsize=4096)
@@ -46,6 +45,18 @@ def wilson_interval(successes: int, cases: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
+def alike(values: Float[ndarray, " values"]) -> bool:
+    """Whether values tell nothing of how they scatter.
+
+    Args:
+        values: Of cases, or of resamples of them.
+
+    Returns:
+        True where none differ but for rounding, or there are fewer than two.
+    """
+    return len(values) < 2 or bool(np.ptp(values) <= _ALIKE * np.abs(values).max())
+
+
 def mean_interval(values: Float[ndarray, " cases"], least: float = -inf, greatest: float = inf) -> tuple[float, float]:
     """95 % interval of a mean by Student's t, which holds it for few cases, too.
 
@@ -57,7 +68,7 @@ def mean_interval(values: Float[ndarray, " cases"], least: float = -inf, greates
         Lower and upper bound, within what the mean can be; NaN where fewer than two cases, or none that differ, tell
         nothing of how they scatter.
     """
-    if len(values) < _SCATTER or np.ptp(values) <= _ALIKE * np.abs(values).max():
+    if alike(values):
         return nan, nan
     low, high = student.interval(0.95, len(values) - 1, loc=values.mean(), scale=sem(values))
     return max(float(low), least), min(float(high), greatest)

@@ -5,7 +5,6 @@ counts how little a few cases tell of their scatter; areas under a curve have a 
 all cases are alike, or all resamples, as of an area of 1, they tell nothing, and there is no interval.
 """
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite, nan
 
@@ -16,6 +15,7 @@ from numpy import ndarray
 
 from cusick_bench.withheld.format.label import NULL, SINGLE
 from cusick_bench.withheld.scoring.calibration import (
+    alike,
     auroc,
     calibration_error,
     calibration_error_by_chance,
@@ -38,7 +38,6 @@ from cusick_bench.withheld.scoring.subsets import subsets_of
 
 RESAMPLES = 1000
 _DIFFERENT = 2  # cases below which nothing can be resampled
-_ALIKE = 1e-9  # by which areas of equal cases may differ: sums are rounded
 
 
 @dataclass(frozen=True)
@@ -98,9 +97,9 @@ class _Bootstrap:
         """As many cases again, drawn with replacement."""
         return self.generator.choice(values, size=(self.resamples, len(values)))
 
-    def interval(self, drawn: Sequence[float] | Float[ndarray, " resamples"]) -> tuple[float, float]:
+    def interval(self, drawn: Float[ndarray, " resamples"]) -> tuple[float, float]:
         """95 % interval of a figure, from its values in all samples; NaN where these are all alike."""
-        if np.ptp(drawn) <= _ALIKE:
+        if alike(drawn):
             return nan, nan
         low, high = np.percentile(drawn, [2.5, 97.5])
         return float(low), float(high)
