@@ -33,8 +33,22 @@ HEADINGS = {
 
 GATED = ("train_mse", "test_mse", "test_hausdorff_m")
 """Default metrics of the regression gate; only three, since every further one makes the test less powerful."""
+_NUMBER_OF_SAMPLES = "test_samples"
+"""Column of `leaderboard --cells` that is named like a metric and is none."""
 NO_METRIC = "none (a metric is a column whose name begins with train_ or test_)"
 """What tables of cells share that have no metric in common."""
+
+
+def is_metric(column: str) -> bool:
+    """Whether a column of a table of cells is a metric.
+
+    Args:
+        column: Its name.
+
+    Returns:
+        True of errors and scores of the training or of the unseen samples, of whatever direction.
+    """
+    return column.startswith(("train_", "test_")) and column != _NUMBER_OF_SAMPLES
 
 
 def metric_called(text: str, known: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import left_out_sample
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.bootstrap import Estimate, geometric_mean, repeats
-from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
+from cusick_bench.leaderboard.cells.cell_number import LEFT_OUT, SEEDS, split_of
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import method_label, of_boards, variants
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
@@ -33,8 +33,6 @@ CELL_COLUMNS = (
     "ratio_ci90_high", "path",
 )  # fmt: skip
 """Columns of `stiffness.csv`; where samples are left out in turn, `left_out`, the sample's number, follows the seed."""
-
-_LEFT_OUT = "left_out"
 
 
 @dataclass(frozen=True)
@@ -162,10 +160,7 @@ def cell_records(cells: Cells, dataset: DrapeDataset | None = None) -> list[dict
         found = cell.get("stiffness")
         if not isinstance(found, FoundStiffness):
             continue
-        identity = {name: cell[name] for name in ("dataset", "cloth", "solver", "seed")}
-        if dataset is not None and cell["dataset_hash"] == dataset.content_hash:
-            sample = left_out_sample(dataset.table, cell["protocol"], cell["test"])
-            identity |= {} if sample is None else {_LEFT_OUT: sample}
+        identity = {name: cell[name] for name in ("dataset", "cloth", "solver", "seed")} | _left_out(cell, dataset)
         path = {"path": f"cells/{Path(str(cell['folder'])).name}"}
         for direction, one in found.bending.items():
             record = identity | {"quantity": "bending", "direction": direction, "unit": "N m"} | _interval("", one)
@@ -178,14 +173,24 @@ def cell_records(cells: Cells, dataset: DrapeDataset | None = None) -> list[dict
     return records
 
 
-def cell_table(cells: Cells) -> pd.DataFrame:
+def _left_out(cell: Mapping[Any, Any], dataset: DrapeDataset | None) -> dict[str, int]:
+    """Number of the sample that a cell leaves out; nothing where none is, or where the data given are not its own."""
+    if dataset is None or cell["dataset_hash"] != dataset.content_hash:
+        return {}
+    sample = left_out_sample(dataset.table, cell["protocol"], cell["test"])
+    return {} if sample is None else {LEFT_OUT: sample}
+
+
+def cell_table(cells: Cells, dataset: DrapeDataset | None = None) -> pd.DataFrame:
     """Every number of every finished cell, a row a cell.
 
     Args:
         cells: From `load_cells`.
+        dataset: Data of the cells, which tell the numbers of samples that are left out in turn.
 
     Returns:
-        What identifies the cell, `settings` as JSON, `test_samples`, what was spent, all metrics, the stiffness found
+        What identifies the cell (with `left_out`, where samples are left out in turn and the data are given; empty of
+        cells of other data), `settings` as JSON, `test_samples`, what was spent, all metrics, the stiffness found
         as `bending_<direction>_n_m` and `stretch_<direction>_n_per_m` with `_low` and `_high` (NaN where there is
         none), and `path` below the results folder.
     """
@@ -195,7 +200,7 @@ def cell_table(cells: Cells) -> pd.DataFrame:
         number = int(cell["repeat"])
         cell["repeat"] = split_of(number) * stride + number % SEEDS
         row = {str(name): value for name, value in cell.items() if name not in ("stiffness", "test", "folder")}
-        row["test_samples"] = len(cell["test"])
+        row |= {"test_samples": len(cell["test"])} | _left_out(cell, dataset)
         found = cell.get("stiffness")
         if isinstance(found, FoundStiffness):
             kinds = (("bending", "n_m", found.bending), ("stretch", "n_per_m", found.stretch))
@@ -204,7 +209,8 @@ def cell_table(cells: Cells) -> pd.DataFrame:
                     name, (low, high) = f"{kind}_{direction}_{unit}", one.ci90 or (nan, nan)
                     row |= {name: one.value, f"{name}_low": low, f"{name}_high": high}
         rows.append(row | {"path": f"cells/{Path(str(cell['folder'])).name}"})
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    return table.astype({LEFT_OUT: "Int64"}) if LEFT_OUT in table else table
 
 
 def stiffness_csv(cells: Cells, dataset: DrapeDataset | None = None) -> str:
@@ -218,10 +224,10 @@ def stiffness_csv(cells: Cells, dataset: DrapeDataset | None = None) -> str:
         Text of the file, only a heading where no cell has a stiffness.
     """
     records, after = cell_records(cells, dataset), CELL_COLUMNS.index("seed") + 1
-    if not any(_LEFT_OUT in record for record in records):
+    if not any(LEFT_OUT in record for record in records):
         return csv_text(pd.DataFrame(records, columns=list(CELL_COLUMNS)))
-    columns = [*CELL_COLUMNS[:after], _LEFT_OUT, *CELL_COLUMNS[after:]]
-    return csv_text(pd.DataFrame(records, columns=columns).astype({_LEFT_OUT: "Int64"}))
+    columns = [*CELL_COLUMNS[:after], LEFT_OUT, *CELL_COLUMNS[after:]]
+    return csv_text(pd.DataFrame(records, columns=columns).astype({LEFT_OUT: "Int64"}))
 
 
 Found = dict[tuple[str, int], FoundStiffness]

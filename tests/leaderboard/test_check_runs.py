@@ -236,6 +236,32 @@ class TestLeftOut:
         with pytest.raises(LeaderboardError, match=r"is not finished: 2 cells were cut off"):
             read_cells(run)
 
+    def test_the_table_of_all_cells_is_compared_like_the_run(self, left_out, tmp_path):
+        """It told no samples, so that it seemed to hold cells twice; its number of samples seemed to be a metric."""
+        cells = tmp_path / "cells.csv"
+        result = CliRunner().invoke(app, ["leaderboard", str(left_out), "--cells", str(cells)])
+        assert result.exit_code == 0, result.output
+        columns = ["solver", "cloth", "seed", "left_out", "settings", "test_mse"]
+        order = ["solver", "cloth", "left_out"]
+        tables = [read_cells(path)[columns].sort_values(order, ignore_index=True) for path in (cells, left_out)]
+        pd.testing.assert_frame_equal(*tables, rtol=1e-12)
+        for path in (cells, left_out):
+            write_baseline(read_cells(path), tmp_path / f"{path.stem}-baseline.csv", [])
+        heads = [
+            set(baseline.read_text().partition("\n")[0].split(",")) for baseline in tmp_path.glob("*-baseline.csv")
+        ]
+        assert heads[0] == heads[1] >= {"left_out", "test_mse"}
+
+    def test_a_table_of_all_cells_without_the_data_says_what_it_lacks(self, lab, tmp_path):
+        own, cells = Path(shutil.copytree(lab, tmp_path / "own")), tmp_path / "cells.csv"
+        folder = solve(own, tmp_path / "run", [0], ["null:disc"], protocol="leave-one-sample-out")
+        shutil.rmtree(own)
+        result = CliRunner().invoke(app, ["leaderboard", str(folder), "--cells", str(cells)])
+        assert result.exit_code == 0, result.output
+        assert "which samples were left out cannot be told" in " ".join(result.output.split())
+        with pytest.raises(LeaderboardError, match=r"more than once; give the numbers of the samples .* left_out"):
+            read_cells(cells)
+
     def test_a_sample_that_is_there_twice_is_refused(self, left_out, tmp_path):
         table = read_cells(left_out)
         write_baseline(pd.concat([table, table.iloc[:1]]), tmp_path / "twice.csv", [])

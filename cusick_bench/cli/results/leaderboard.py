@@ -12,9 +12,11 @@ from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard import LeaderboardError
+from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
-    from cusick_bench.leaderboard import Leaderboard, StiffnessRow
+    from cusick_bench.datasets import DrapeDataset
+    from cusick_bench.leaderboard import Cells, Leaderboard, StiffnessRow
 
 
 FORMS = (".csv", ".parquet", ".md", ".tex", ".html")
@@ -82,7 +84,7 @@ def leaderboard(
     for path in out or []:
         _write(path, _form(boards, path))
     for path in every_cell or []:
-        _write(path, table_bytes(cell_table(cells), path))
+        _write(path, table_bytes(cell_table(cells, _data_of_split(cells)), path))
     for path in stiffness or []:
         _write(path, _stiffness_form(found, path.suffix).encode())
     if as_json:
@@ -104,6 +106,23 @@ def leaderboard(
         output.print(terminal(table, output.width))
         for note in table.notes:
             output.print(note, style="dim")
+
+
+def _data_of_split(cells: Cells) -> DrapeDataset | None:
+    """Data that tell which samples the cells leave out in turn; None where none are, or, said so, without the data."""
+    from cusick_bench.datasets.splits import LEAVE_ONE_OUT
+    from cusick_bench.leaderboard.cells.source import load_data_of
+
+    if LEAVE_ONE_OUT not in set(cells.table["protocol"]):
+        return None
+    try:
+        dataset = load_data_of(cells)
+    except (CusickError, OSError) as error:
+        tell(f"which samples were left out cannot be told: {error}")
+        return None
+    if dataset.content_hash not in set(cells.table["dataset_hash"]):
+        tell(f"which samples were left out cannot be told: {dataset.name} is not what the run used")
+    return dataset
 
 
 def _write(path: Path, content: bytes) -> None:

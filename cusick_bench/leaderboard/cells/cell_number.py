@@ -7,6 +7,9 @@ import pandas as pd
 SEEDS = 10**18
 """Numbers of the cells of one split, since seeds have 18 digits at most: number = seed + SEEDS x split."""
 
+LEFT_OUT = "left_out"
+"""Column of the number of the sample that was left out, where samples are left out in turn."""
+
 
 def split_of(number: int) -> int:
     """Which of its cloth's splits a cell is of, where samples are left out in turn.

@@ -19,23 +19,21 @@ from cusick_bench.datasets.splits import LEAVE_ONE_OUT, left_out_sample
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
-from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.cell_number import LEFT_OUT, SEEDS, with_numbers
 from cusick_bench.leaderboard.cells.commands import cells_of_grid
 from cusick_bench.leaderboard.cells.loading import Cells, load_cells
 from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.cells.source import load_data_of
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.metric_name import is_metric
 from cusick_bench.leaderboard.order import smaller_is_better
 from cusick_bench.runner.labels import comparable_versions, unspaced
 from cusick_bench.runner.store import write_atomically
 
 IDENTITY = ("solver", "cloth", "seed")
-LEFT_OUT = "left_out"
-"""Column of the number of the sample that was left out, where samples are left out in turn."""
 STATUSES = ("done", "failed")
 
 _PROBLEM = ("status", "settings", "dataset_hash", "protocol", "code_version")
-_METRICS = ("train_", "test_")
 _MOST_BYTES = 64 << 20
 _DIGITS = 8  # significant, of a baseline's numbers
 
@@ -66,10 +64,13 @@ def read_cells(path: Path, *, progress: Callable[[int, int], None] = lambda done
     table = _numbered(table)
     double = table.duplicated(["solver", "cloth", "repeat"], keep=False)
     if double.any():
-        first, of_run = table.loc[double].iloc[0], "compare runs of one command, each in its own folder"
+        first, remedy = table.loc[double].iloc[0], "keep one of them, or give repeats seeds of their own"
+        if path.is_dir():
+            remedy = "compare runs of one command, each in its own folder"
+        elif first.get("protocol") == LEAVE_ONE_OUT and LEFT_OUT not in table:
+            remedy = f"give the numbers of the samples that are left out in turn, in a column {LEFT_OUT}"
         raise LeaderboardError(
-            f"{path} holds {first['solver']} on {first['cloth']}, seed {first['seed']}, more than once; "
-            f"{of_run if path.is_dir() else 'keep one of them, or give repeats seeds of their own'}"
+            f"{path} holds {first['solver']} on {first['cloth']}, seed {first['seed']}, more than once; {remedy}"
         )
     return table
 
@@ -87,7 +88,7 @@ def write_baseline(table: pd.DataFrame, path: Path, facts: Iterable[str]) -> Non
     """
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a baseline's name must end in .csv")
-    metrics = [name for name in table if name.startswith(_METRICS) and smaller_is_better(name)]
+    metrics = [name for name in table if is_metric(name) and smaller_is_better(name)]
     columns = [*(name for name in (*IDENTITY, LEFT_OUT, *_PROBLEM) if name in table), *metrics]
     text = csv_text(table.reindex(columns=columns), float_format=f"%.{_DIGITS}g")
     head = "".join(f"# {' '.join(fact.split())}\n" for fact in facts)
@@ -257,6 +258,6 @@ def _cell(where: str, entry: dict[str, Any]) -> dict[str, Any]:
         cell["status"] = entry.get("status") or "done"
         if cell["status"] not in STATUSES:
             raise ValueError(f"status must be {' or '.join(STATUSES)}, got {cell['status']!r}")
-        return cell | {name: metric_of(name, entry[name]) for name in entry if name.startswith(_METRICS)}
+        return cell | {name: metric_of(name, entry[name]) for name in entry if is_metric(name)}
     except ValueError as error:
         raise LeaderboardError(f"{where}: {error}; correct the file, or make it anew with `check --write`") from error

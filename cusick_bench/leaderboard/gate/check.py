@@ -17,12 +17,11 @@ import pandas as pd
 from scipy import stats
 
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, repeats
-from cusick_bench.leaderboard.cells.cell_number import split_of
+from cusick_bench.leaderboard.cells.cell_number import LEFT_OUT, split_of
 from cusick_bench.leaderboard.cells.variants import values_in_words
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
 from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, holm
-from cusick_bench.leaderboard.metric_name import GATED, NO_METRIC
+from cusick_bench.leaderboard.metric_name import GATED, NO_METRIC, is_metric
 from cusick_bench.leaderboard.order import Direction, direction
 
 _BLIND = "values scatter too much: hardly any change would be found"
@@ -185,7 +184,7 @@ def metrics_of_both(run: pd.DataFrame, baseline: pd.DataFrame) -> list[str]:
     Returns:
         Names of metrics.
     """
-    return sorted(name for name in baseline if name in run and name.startswith(("train_", "test_")))
+    return sorted(name for name in baseline if name in run and is_metric(name))
 
 
 def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
