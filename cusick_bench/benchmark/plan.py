@@ -18,7 +18,8 @@ COMPARED_BATCH = 16
 COMPARED = ("drop", "drop+gradient", f"batch of {COMPARED_BATCH}{LOCKSTEP}")
 """Cases that a device is compared with: the CPU's fastest ways."""
 
-_MOST_BATCHED = 200_000  # vertices of a batch; larger ones are left out, they take minutes
+MOST_BATCHED = 200_000
+"""Vertices of a batch on the CPU; larger ones are left out, they take minutes."""
 _LARGE = 5000  # vertices of a mesh that gets at most three rounds
 
 # What a part takes [s] on two quiet cores, roughly: progress is told in these units.
@@ -95,7 +96,7 @@ class Plan:
         Returns:
             Those of `batches` that do not take minutes.
         """
-        return [members for members in self.batches if members * vertices <= _MOST_BATCHED]
+        return [members for members in self.batches if members * vertices <= MOST_BATCHED]
 
 
 FULL = {"vertices": (297, 1205, 2699, 7496, 20000), "rounds": 5, "batches": (16, 64)}

@@ -114,6 +114,19 @@ def test_what_is_named_twice_is_measured_once(monkeypatch, tmp_path):
     assert [(plan.vertices, plan.batches, plan.device_batches) for plan in plans] == [((1205, 297), (8,), (8,))]
 
 
+def test_batches_that_are_left_out_are_told(monkeypatch, tmp_path):
+    """One that was asked for was not in the document, and nothing said why."""
+
+    def stop(plan, done, keep):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(suite, "benchmark", stop)
+    words = ["--vertices", "297", "--vertices", "2699", "--batch", "16", "--batch", "500"]
+    done = CliRunner().invoke(app, ["benchmark", *words, "--out", str(tmp_path / "b.json")], env={"COLUMNS": "400"})
+    (told,) = [line for line in done.stderr.splitlines() if "not measured" in line]
+    assert told.startswith("batches of 500 with 2699 vertices are not measured on the CPU")
+
+
 def test_one_size_has_no_exponent():
     meshes = [{"vertices": 1205, "cases": {"drop": {"median_s": seconds}}} for seconds in (0.2, 0.21)]
     assert scaling(meshes) is None

@@ -167,6 +167,22 @@ def test_the_table_of_a_run_that_is_stopped_has_the_fabrics_that_were_ready(diag
     assert [row["fabric"] for row in rows] == ["fabric_2"]
 
 
+@pytest.mark.parametrize("earlier", [True, False])
+def test_of_a_refused_fabric_an_earlier_diagnosis_is_told_to_be_one(diagnosed, monkeypatch, tmp_path, earlier):
+    """It stayed in its place, as if it were of the data that were refused."""
+    made = document(NO_PROFILES, "none")
+    if earlier:
+        run(tmp_path, "fabric_1")
+    refused = SimpleNamespace(refused="not today", document=parsed(made))
+    diagnosis = SimpleNamespace(shared=None, together=list, document=lambda name, **asked: refused)
+    monkeypatch.setattr(data_set, "data_set_diagnosis", lambda captures, *asked: diagnosis)
+    asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path)]
+    finished = CliRunner().invoke(app, asked, env={"COLUMNS": "400"})
+    assert finished.exit_code == 2
+    assert "not today" in finished.stderr
+    assert ("diagnosis.json is an earlier command's" in finished.stderr) == earlier
+
+
 def test_a_table_that_cannot_be_written_is_refused_before_the_work(diagnosed, tmp_path):
     asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path), "--table", str(tmp_path)]
     finished = CliRunner().invoke(app, asked)

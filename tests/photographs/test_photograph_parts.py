@@ -316,6 +316,14 @@ def test_a_measured_height_that_held_boards_contradict_is_told(photographs, capl
     assert f"but {1.2 * true:.2f} m by --camera-height; the former is used" in caplog.text
 
 
+def test_a_single_held_board_is_told_to_be_of_no_use(photographs, caplog):
+    board, held = ((f"{name}.jpg", read_photograph(photographs / f"{name}.jpg")) for name in ("board-plane", "board-1"))
+    assert calibrated(board, [held], None, 0.09).source == "one picture of the board"
+    assert caplog.messages == [
+        "board-1.jpg is not used: one picture of the board held at an angle does not tell the camera's height, 2 do"
+    ]
+
+
 def test_a_board_that_is_printed_larger_shows_more_of_the_plane(board_and_plate):
     board, _ = board_and_plate
     true, larger = (calibrated(board, [], None, 0.09, printed=printed) for printed in (1.0, 1.004))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 
 app = typer.Typer()
+_DOCUMENT = "diagnosis.json"
 _MOST_CAUSES = 8  # that the terminal shows
 
 
@@ -99,6 +100,8 @@ def diagnose_data(
             command = options.command(data, diagnosis.together(name), atlas, force=force)
             one = diagnosis.document(name, command=command, progress=step)
             if one.refused is not None and len(chosen) == 1:
+                if (earlier := out / folders[name] / _DOCUMENT).exists():
+                    tell(f"{earlier} is an earlier command's")
                 raise Refused(one.refused)
             written.append(_write(one, out / folders[name]))
             if summary is not None:  # after each of them: a fabric takes minutes
@@ -157,7 +160,7 @@ def _write(one: DiagnosisDocument, folder: Path) -> _Written:
     from cusick_bench.report.diagnosis.page import write_diagnosis_page
 
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "diagnosis.json"
+    path = folder / _DOCUMENT
     one.write(path)
     return _Written(one, path, write_diagnosis_page(one, folder / "diagnosis.html"))
 

@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -25,6 +25,10 @@ from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.files.json_text import json_text
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
+
+if TYPE_CHECKING:
+    from cusick_bench.benchmark.plan import Plan
+
 
 app = typer.Typer()
 
@@ -122,6 +126,8 @@ def benchmark(
         law=law.value, support="springs" if springs else "fixed", reference_steps=reference_steps,
         gradient_vertices=gradient_vertices, device=device, device_only=device_only, **asked,
     )  # fmt: skip
+    if not device_only:
+        _tell_left_out(plan)
     kept = _Kept(out)
     with interruptible(kept.said), folder_made(out.parent), progress_bar("measuring", work(plan)) as bar:
 
@@ -153,6 +159,19 @@ def _refuse(context: typer.Context, names: Collection[str], beside: str) -> None
         source = context.get_parameter_source(parameter.name or "")
         if parameter.name in names and source is not None and source.name == "COMMANDLINE":
             raise CusickError(f"{parameter.opts[0]} does nothing beside {beside}; leave one of them out")
+
+
+def _tell_left_out(plan: "Plan") -> None:
+    """Tells of batches on the CPU that the benchmark does without."""
+    from cusick_bench.benchmark.plan import MOST_BATCHED
+
+    for vertices in plan.vertices:
+        measured = plan.batches_on(vertices)
+        if left := [str(members) for members in plan.batches if members not in measured]:
+            tell(
+                f"batches of {', '.join(left)} with {vertices} vertices are not measured on the CPU: they have more "
+                f"than {MOST_BATCHED} vertices together, and take minutes"
+            )
 
 
 def _measure_runner(cells: int, out: Path | None, as_json: bool) -> None:

@@ -62,6 +62,12 @@ def calibrated(
         _compare_heights(view, height, plate[1].focal)
         return view
     name, photograph = board_on_plate
+    by_boards = len(boards_held) + 1 >= LEAST_PICTURES
+    if boards_held and not by_boards:
+        _log.warning(
+            "%s is not used: one picture of the board held at an angle does not tell the camera's height, %d do",
+            boards_held[0][0], LEAST_PICTURES - 1,
+        )  # fmt: skip
     view = view_from_boards(
         find_board(photograph, name, printed),
         [find_board(held, title, printed) for title, held in boards_held],
@@ -69,7 +75,7 @@ def calibrated(
         focal=photograph.focal,
         height=height,
     )
-    _compare_heights(view, height, photograph.focal, by_boards=len(boards_held) + 1 >= LEAST_PICTURES)
+    _compare_heights(view, height, photograph.focal, by_boards=by_boards)
     if plate is not None:
         view = centred_on_plate(view, plate[1], plate[0], plate_radius)
     elif not LEAST_DISC <= 2 * plate_radius <= MOST_DISC:
