@@ -15,7 +15,7 @@ import pandas as pd
 from cusick_bench.files import parse_json
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells.loading import Cells, numbered_alike
-from cusick_bench.leaderboard.cells.variants import flattened, method_label, of_boards, values_in_words, variants
+from cusick_bench.leaderboard.cells.variants import BOARD, flattened, method_label, of_boards, values_in_words, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text
@@ -70,7 +70,8 @@ class TwoRuns:
     """Comparison of two runs.
 
     Attributes:
-        methods: Methods that both have on shared cloths, solvers first.
+        methods: Methods that both have on shared cloths, solvers first; one that a single run has in several settings,
+            or by several versions of the code, is compared with the other's in each.
         only_here: Names of methods of this run only.
         only_there: Names of methods of the other run only.
         differences: What else differs: name, value there, value here.
@@ -98,19 +99,19 @@ def compare_runs(here: Cells, there: Cells, *, seed: int = 0) -> TwoRuns:
     """
     _require_same_data(here, there)
     ours, theirs = map(_methods, numbered_alike([here.table, there.table]))
-    generator = np.random.default_rng(seed)
-    methods = [_change(label, ours[label], theirs[label], generator) for label in ours if label in theirs]
+    generator, shared = np.random.default_rng(seed), list(_shared(ours, theirs))
+    methods = [_change(max(pair, key=len), ours[pair[0]], theirs[pair[1]], generator) for pair in shared]
     methods = [one for one in methods if one.changes]
     if not methods:
         raise LeaderboardError(
             f"{here.folder} and {there.folder} share no method on any cloth, so nothing can be compared; "
             "run the same --solver and --cloth in both"
         )
-    order = {"solver": 0, "null": 1, "oracle": 2}
+    order, compared = {"solver": 0, "null": 1, "oracle": 2}, [set(side) for side in zip(*shared, strict=True)]
     return TwoRuns(
         sorted(methods, key=lambda one: (order.get(one.kind, 3), one.label)),
-        [label for label in ours if label not in theirs],
-        [label for label in theirs if label not in ours],
+        [label for label in ours if label not in compared[0]],
+        [label for label in theirs if label not in compared[1]],
         list(_differences(here, there)),
     )
 
@@ -129,6 +130,26 @@ def _require_same_data(here: Cells, there: Cells) -> None:
 def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Cells by method; of several data sets, or splits, each by itself: they pose other problems with equal numbers."""
     return {method_label(*name) + apart: group for apart, cells in of_boards(table) for name, group in variants(cells)}
+
+
+def _shared(ours: Mapping[str, pd.DataFrame], theirs: Mapping[str, pd.DataFrame]) -> Iterator[tuple[str, str]]:
+    """Names of a method here and there: the same, or where one run alone has it in several settings, or by several
+    versions of the code, each of them beside the other run's only one.
+    """
+    yield from ((label, label) for label in ours if label in theirs)
+    for label in ours:
+        others = [other for other in theirs if _solver(theirs[other]) == _solver(ours[label])]
+        if label not in theirs and len(others) == 1:
+            yield label, others[0]
+    for other in theirs:
+        own = [label for label in ours if _solver(ours[label]) == _solver(theirs[other])]
+        if other not in ours and len(own) == 1:
+            yield own[0], other
+
+
+def _solver(cells: pd.DataFrame) -> tuple[str, ...]:
+    """Solver and board of the cells of a method."""
+    return tuple(str(cells[name].iloc[0]) for name in ("solver", *BOARD))
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:

@@ -72,6 +72,26 @@ def test_what_is_worn_hangs_by_its_own_law_on_its_body_each_laid_otherwise(monke
     assert np.abs(laid[0] - laid[1]).max() > 1e-3
 
 
+def test_many_draws_are_worn_in_packs(monkeypatch: pytest.MonkeyPatch):
+    """All at a time, a thousand took 10 GB of memory."""
+    monkeypatch.setattr("cusick_bench.garment.wearing._TOGETHER", 2)
+    told: dict[str, None] = {}
+    wearing = Wearing(size=SIZE, vertices=160, motion=WaistMotion(seconds=0.1), draws=3)
+    pair, three = (
+        wear(skirt_cloth(), replace(wearing, draws=draws), lambda what, *_: told.setdefault(what)) for draws in (2, 3)
+    )
+    assert list(told) == [
+        *("hanging", "moving the waist", "hanging 1 to 2 of 3", "moving the waist 1 to 2 of 3"),
+        *("hanging 3 to 3 of 3", "moving the waist 3 to 3 of 3"),
+    ]
+    assert np.array_equal(three.positions[:2], pair.positions)
+    assert np.array_equal(three.frames[:, :2], pair.frames)
+    assert np.array_equal(three.frames[0], three.positions)
+    assert np.abs(three.positions[2] - three.positions[:2]).max((1, 2)).min() > 1e-4, "each of its own draw"
+    assert len(three.measures) == len(three.resting) == 3
+    assert three.resting.all()
+
+
 def test_the_hem_trails_the_waist_and_not_the_room():
     skirt, motion = circular_skirt(SIZE, 200), WaistMotion(sway=0.05, period=1.0, seconds=1.0)
     times = np.linspace(0, 1, 11)

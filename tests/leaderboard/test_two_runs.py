@@ -110,6 +110,25 @@ def test_splits_are_named_in_full(tmp_path):
         compare_runs(here, there)
 
 
+@pytest.mark.parametrize("several_here", [True, False])
+@pytest.mark.parametrize(
+    ("record", "name"),
+    [({"settings": {"budget": 40}}, "homo (budget=40)"), ({"code_version": "old"}, "homo (code_version=old)")],
+)
+def test_a_method_that_one_run_has_in_two_ways_is_compared_in_both(tmp_path, several_here, record, name):
+    """Its folder also held cells of older code, and the two runs were said to share no method."""
+    two = _run(tmp_path / "two", {"homo": 0.06}, **record)
+    for cell in list(two.glob("cells/*")):
+        cell.rename(cell.with_name(f"old-{cell.name}"))
+    two, one = load_cells(_run(two, {"homo": 0.03})), load_cells(_run(tmp_path / "one", {"homo": 0.03}))
+    both = compare_runs(two, one) if several_here else compare_runs(one, two)
+    ratios = {change.label: change.changes["test_mse"].ratio.value for change in both.methods}
+    assert len(ratios) == 2
+    assert ratios[name] == pytest.approx(2 if several_here else 0.5)
+    assert sorted(ratios.values()) == pytest.approx(sorted([1, ratios[name]]))
+    assert (both.only_here, both.only_there) == ([], [])
+
+
 def test_runs_without_a_method_in_common_are_refused(tmp_path):
     here = load_cells(_run(tmp_path / "here", {"homo": 0.03}))
     with pytest.raises(LeaderboardError, match="share no method"):
