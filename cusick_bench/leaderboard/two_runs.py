@@ -15,7 +15,7 @@ import pandas as pd
 from cusick_bench.files import parse_json
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells.loading import Cells, numbered_alike
-from cusick_bench.leaderboard.cells.variants import BOARD, flattened, method_label, of_boards, values_in_words, variants
+from cusick_bench.leaderboard.cells.variants import flattened, method_label, of_boards, values_in_words, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text
@@ -148,8 +148,8 @@ def _shared(ours: Mapping[str, pd.DataFrame], theirs: Mapping[str, pd.DataFrame]
 
 
 def _solver(cells: pd.DataFrame) -> tuple[str, ...]:
-    """Solver and board of the cells of a method."""
-    return tuple(str(cells[name].iloc[0]) for name in ("solver", *BOARD))
+    """Solver of the cells of a method, with the state of their data, whatever their name, and the split."""
+    return tuple(str(cells[name].iloc[0]) for name in ("solver", "dataset_hash", "protocol"))
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:

@@ -120,7 +120,8 @@ def test_a_method_that_one_run_has_in_two_ways_is_compared_in_both(tmp_path, sev
     two = _run(tmp_path / "two", {"homo": 0.06}, **record)
     for cell in list(two.glob("cells/*")):
         cell.rename(cell.with_name(f"old-{cell.name}"))
-    two, one = load_cells(_run(two, {"homo": 0.03})), load_cells(_run(tmp_path / "one", {"homo": 0.03}))
+    two = load_cells(_run(two, {"homo": 0.03}))
+    one = load_cells(_run(tmp_path / "one", {"homo": 0.03}, dataset="the same folder by another name"))
     both = compare_runs(two, one) if several_here else compare_runs(one, two)
     ratios = {change.label: change.changes["test_mse"].ratio.value for change in both.methods}
     assert len(ratios) == 2

@@ -415,6 +415,33 @@ def test_cells_of_another_data_set_keep_what_is_known_of_them(make_lab, tmp_path
     assert len(verified_keys(out)) == 2
 
 
+def test_cells_on_other_data_of_the_same_name_keep_what_is_known_of_them(make_lab, tmp_path):
+    """Folders of two laboratories may both be `prepared`: all cells were judged by the data of the last command."""
+    labs, out = [tmp_path / place / "prepared" for place in ("first", "second")], tmp_path / "out"
+    for lab, stiffness in zip(labs, (1.0, 2.0), strict=True):
+        shutil.copytree(make_lab((stiffness,), samples=2), lab)
+        grid(lab, out, ("null:disc",))
+    for arguments in ([], ["--data", str(labs[0])]):
+        shown = CliRunner().invoke(app, ["verify", str(out), *arguments], env={"COLUMNS": "400"})
+        assert shown.exit_code == 0, shown.output
+        assert "1 cells on other data of that name are left aside" in shown.stderr
+    assert len(verified_keys(out)) == 2
+
+
+def test_a_command_that_finished_no_cell_does_not_decide_by_which_data_others_are_judged(make_lab, tmp_path):
+    """A second laboratory's run was cut off in its first cell, and verified cells of the first became wrong ones."""
+    labs, out = [make_lab((stiffness,), samples=2) for stiffness in (1.0, 2.0)], tmp_path / "out"
+    grid(labs[0], out, ("null:disc",))
+    (finished,) = (out / "cells").iterdir()
+    grid(labs[1], out, ("null:disc",))
+    (other,) = (cell for cell in (out / "cells").iterdir() if cell != finished)
+    for name in ("done", "result.json", "prediction.npz"):
+        (other / name).unlink()
+    shown = CliRunner().invoke(app, ["verify", str(out)])
+    assert shown.exit_code == 0, shown.output
+    assert verified_keys(out) == {finished.name}
+
+
 @pytest.mark.parametrize("place", [".", "KEY"])
 def test_a_cell_is_found_from_within_its_run(make_lab, tmp_path, monkeypatch, place):
     """Of `.` the folder two above was `.` again, which holds no cells."""

@@ -55,7 +55,7 @@ def page(tmp_path_factory) -> Page:
     write_cell(folder, "null:random-phase", draws=8)
     write_cell(folder, "homo", "viscose_white")
     (folder / "run.json").write_text(json.dumps({"command": ["cusick-bench", "run", "--data", "lab"], "cores": 2}))
-    unseen = {("cotton_blue", (0, 1)): np.stack([radii(6), radii(9)])}
+    unseen = {("abc", "cotton_blue", (0, 1)): np.stack([radii(6), radii(9)])}
     return make(folder, unseen=unseen, pictures=folder / "pictures")
 
 
@@ -72,7 +72,9 @@ def test_a_fit_is_shown_beside_the_unseen_samples_of_its_own_split(tmp_path):
         for name in ("cell.json", "result.json"):
             record = json.loads((cell / name).read_text()) | {"seed": 0, "test": rows}
             (cell / name).write_text(json.dumps(record))
-    unseen = {("cotton_blue", (0, 1, 2)): np.stack([radii(6)] * 3), ("cotton_blue", (3, 4)): np.stack([radii(6)] * 2)}
+    by_rows = {(0, 1, 2): np.stack([radii(6)] * 3), (3, 4): np.stack([radii(6)] * 2)}
+    unseen = {("abc", "cotton_blue", rows): radii_of for rows, radii_of in by_rows.items()}
+    unseen |= {("def", "cotton_blue", (0, 1, 2)): np.stack([radii(6)] * 7)}  # of other data with such a cloth
     text = make(tmp_path, unseen=unseen).text
     assert "range of 3 unseen silhouettes" in text  # of several captures each, they are more than the samples
     assert "seed 0 and one of 2 splits shown, of 2 cells" in text
@@ -80,7 +82,7 @@ def test_a_fit_is_shown_beside_the_unseen_samples_of_its_own_split(tmp_path):
 
 def test_one_unseen_silhouette_is_no_range(tmp_path):
     write_cell(tmp_path, "homo")
-    assert "unseen silhouettes" not in make(tmp_path, unseen={("cotton_blue", (0, 1)): radii(6)[None]}).text
+    assert "unseen silhouettes" not in make(tmp_path, unseen={("abc", "cotton_blue", (0, 1)): radii(6)[None]}).text
 
 
 def test_a_name_with_dollars_is_no_formula_in_pictures(tmp_path):

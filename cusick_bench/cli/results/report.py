@@ -100,8 +100,9 @@ def _of_data(cells: Cells, data: str | None) -> tuple[Unseen, Protocol]:
             raise DataError(f"{dataset.name} is not what the run used", remedy="give the run's data with --data")
         if own.empty:
             tell(f"no band of unseen samples: {dataset.name} has changed since the run")
-        splits = set(zip(own["cloth"], own["test"], strict=True))
-        return {(cloth, rows): _radii(dataset, rows) for cloth, rows in splits if rows}, dataset.protocol
+        splits = set(zip(own["dataset_hash"], own["cloth"], own["test"], strict=True))
+        unseen = {(state, cloth, rows): _radii(dataset, rows) for state, cloth, rows in splits if rows}
+        return unseen, dataset.protocol
     except (CusickError, OSError) as error:
         if data is not None:
             raise

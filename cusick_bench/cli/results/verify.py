@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated
@@ -85,7 +86,11 @@ def verify_command(
         damaged = [cell for cell in damaged if not wanted or getattr(cell, name) in wanted]
     if table.empty and not damaged:
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
-    dataset = load_data_of(cells, data, fabrics_csv)
+    dataset = load_data_of(judged if table.empty else replace(judged, table=table), data, fabrics_csv)
+    of_these = table["dataset_hash"] == dataset.content_hash
+    if of_these.any() and not of_these.all():
+        tell(f"{(~of_these).sum()} cells on other data of that name are left aside; give theirs with --data")
+        table = table.loc[of_these]
     verifications, simulators = [unreadable(cell) for cell in damaged], Simulators()
     kept = interruptible(lambda: _kept(len(verifications), len(table) + len(damaged), run / VERIFIED))
     with kept, folder_made(run), progress_bar("cells", len(table)) as bar:

@@ -1,6 +1,7 @@
 """The data of a run, found from its record, so that commands on a results folder need no `--data`."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,20 +24,28 @@ def data_of(cells: Cells) -> tuple[str, str | None]:
     Returns:
         The name or folder of the data, and the table of areal densities, if one was named. Folder and table are those
         that the run was given or, where the results folder was moved with them, their like beside it. A run that does
-        not record them so is asked for its command line.
+        not record them so is asked for its command line. Of several commands the last one counts that finished cells
+        are of.
     """
-    places = cells.run.get("source")
+    command = _command_of(cells)
+    places = command.get("source")
     if not isinstance(places, dict):
         places = {}
-    given = _of_command(cells)
+    given = _options_of(command)
     data = _found(places.get("data"), cells.folder) or given.get("--data", str(cells.table["dataset"].iloc[0]))
     return data, _found(places.get("fabrics_csv"), cells.folder) or given.get("--fabrics-csv")
 
 
-def _of_command(cells: Cells) -> dict[str, str]:
-    """Data and table as they stand in the command line."""
-    command = cells.run.get("command")
-    words = [str(word) for word in command] if isinstance(command, list) else []
+def _command_of(cells: Cells) -> Mapping[str, Any]:
+    """The record of the last command whose data the cells are of; where no record tells its data, of the last one."""
+    hashes, earlier = set(cells.table["dataset_hash"]), reversed(cells.run.get("history", []))
+    return next((one for one in (cells.run, *earlier) if one.get("dataset_hash") in hashes), cells.run)
+
+
+def _options_of(command: Mapping[str, Any]) -> dict[str, str]:
+    """Data and table as they stand in a command line."""
+    line = command.get("command")
+    words = [str(word) for word in line] if isinstance(line, list) else []
     given: dict[str, str] = {}
     for word, following in pairwise([*words, ""]):
         name, equals, value = word.partition("=")
@@ -83,7 +92,7 @@ def data_set_of(cells: Cells, data: str | None = None) -> str:
         data: Name or folder that the user gave.
 
     Returns:
-        Its name: of several in the folder that of `data`, or else the last command's.
+        Its name: of several in the folder that of `data`, or else that of the last command that has finished cells.
 
     Raises:
         LeaderboardError: The folder has several, and none of them is `data`.
@@ -91,7 +100,7 @@ def data_set_of(cells: Cells, data: str | None = None) -> str:
     """
     names = sorted(set(cells.table["dataset"]))
     if len(names) == 1 or data is None:
-        last = cells.run.get("dataset")
+        last = _command_of(cells).get("dataset")
         return str(last) if last in names else names[0]
     if (name := load_data_of(cells, data).name) not in names:
         raise LeaderboardError(

@@ -52,8 +52,9 @@ _MOST_LINKS = 24  # of a card to its solver on other cloths; links of all to all
 _SAME = 1 / 255  # from which difference of a pixel on silhouettes are of two pictures
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
 
-Unseen = Mapping[tuple[str, tuple[int, ...]], Float[ndarray, "samples angles"]]
-"""Radii of unseen samples [m], by their cloth and their rows in the data's index, as `Cells.table` has them."""
+Unseen = Mapping[tuple[str, str, tuple[int, ...]], Float[ndarray, "samples angles"]]
+"""Radii of unseen samples [m], by the hash of their data, their cloth and their rows in the index, as `Cells.table` has
+them."""
 Links = Mapping[tuple[str, str], str]
 """Addresses of cards on the page, by cloth and solver; the first card of a solver by cloth "" too."""
 Progress = Callable[[str], None]
@@ -213,7 +214,7 @@ def _section(
             models.append(model)
             card = replace(card, turnable=True)
         drape = drape_picture(view.vertices, view.faces, cloth, protocol=protocol)
-        of_split = unseen.get((cloth, cell["test"]))
+        of_split = unseen.get((cell["dataset_hash"], cloth, cell["test"]))
         section.cards.append(fill_card(card, cloth, view, drape, of_split))
         if isinstance(found := cell.get("stiffness"), FoundStiffness):
             lines.append(StiffnessLine(label, found, view.bending_draws))
