@@ -1,21 +1,24 @@
 """Several processes: a kill and the same numbers after it, two runs of one cell, workers that die."""
 
+import multiprocessing
 import os
 import queue
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 
 import pytest
-from small_grid import SMALL, numbers, run_small, small_run_arguments
+from small_grid import SMALL, numbers, run_small, say_much, small_run_arguments
 
 from cusick_bench.runner import Cell, RunnerError, Source, Store, Unwatched, plan, run_cell
-from cusick_bench.runner.executors.pool import _Worker
+from cusick_bench.runner.executors.pool import _start_worker, _Worker
+from cusick_bench.runner.processes import process_pool
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -83,6 +86,20 @@ class TestKill:
         assert run_cell(dataset, cell, Store(tmp_path), lambda *_: None)["status"] == "done"
         assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
         assert len(looks) == 2
+
+
+def test_messages_that_nobody_reads_do_not_keep_a_worker_from_ending():
+    """More of them than a pipe holds, as where a journal is replayed: the command never came to its end."""
+    messages = multiprocessing.get_context("spawn").Queue()
+    pool = process_pool(1, initializer=_start_worker, initargs=(messages,))
+    pool.submit(say_much, 2000).result(timeout=120)
+    ending = threading.Thread(target=pool.shutdown, daemon=True)
+    ending.start()
+    ending.join(30)
+    waiting = ending.is_alive()
+    for process in multiprocessing.active_children() if waiting else ():  # or this process would not end either
+        process.kill()
+    assert not waiting
 
 
 class _Mortal(Executor):

@@ -6,6 +6,7 @@ from pathlib import Path
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Source, plan, run
+from cusick_bench.runner.executors.pool import _worker
 from cusick_bench.sim.engine.settings import DrapeSettings
 
 DENSITY = 0.2  # [kg/m2], of every cloth that make_lab makes
@@ -47,3 +48,9 @@ def small_run_arguments(data: Path, out: Path, *solvers: str) -> list[str]:
     for solver in solvers:
         options += ["--solver", solver]
     return [*options, "--budget", "8", "--steps", "20"]
+
+
+def say_much(messages: int) -> None:
+    """Tells so many steps of a cell from a worker of a pool, which finds this function by its name."""
+    for number in range(messages):
+        _worker.messages.put((None, 0.0, 0.0, f"choosing drape {number}"))

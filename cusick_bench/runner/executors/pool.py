@@ -66,6 +66,7 @@ _worker = _Worker()
 
 
 def _start_worker(messages: Any) -> None:
+    messages.cancel_join_thread()  # or a worker would not end before all is read, and nobody reads after the last cell
     _worker.messages = messages
     logging.getLogger("cusick_bench.datasets").setLevel(logging.ERROR)  # who planned the cells was told all of it
 
