@@ -1,7 +1,7 @@
 """Builds the table of a data set: one row per silhouette, with its mesh, face, density and what was corrected."""
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -62,7 +62,8 @@ def survey(layout: Layout, protocol: Protocol, *, measure: bool, progress: Progr
     Args:
         layout: Files of the folder.
         protocol: Nominal values of the experiment.
-        measure: Whether to measure profiles and meshes too.
+        measure: Whether to measure profiles and meshes too; of images that are stored in several formats it is always
+            seen which can be used.
         progress: Called with (files done, files).
 
     Returns:
@@ -70,12 +71,13 @@ def survey(layout: Layout, protocol: Protocol, *, measure: bool, progress: Progr
     """
     found = Survey()
     total = len(layout.silhouettes) + len(layout.meshes)
+    formats = Counter(_without_suffix(entry) for entry in layout.silhouettes)
     for count, entry in enumerate((*layout.silhouettes, *layout.meshes), 1):
         path, is_image = layout.root / entry.path, count <= len(layout.silhouettes)
         try:
             if is_image:
                 found.hashes[entry.path] = content_hash(path)
-            if is_image and measure:
+            if is_image and (measure or formats[_without_suffix(entry)] > 1):
                 found.silhouettes[entry.path] = measure_image(path, protocol)
             elif measure:
                 found.meshes[entry.path] = measure_mesh(path)
@@ -134,11 +136,15 @@ def build_index(
     return pd.DataFrame(rows, columns=pd.Index(COLUMNS))
 
 
+def _without_suffix(entry: Entry) -> str:
+    return entry.path.rpartition(".")[0]
+
+
 def _stored_again(silhouettes: Sequence[Entry], found: Survey) -> dict[str, list[str]]:
     """Images that differ from an earlier, usable one by the suffix alone, by the path of that one."""
     groups: dict[str, list[str]] = defaultdict(list)
     for entry in silhouettes:
-        groups[entry.path.rpartition(".")[0]].append(entry.path)
+        groups[_without_suffix(entry)].append(entry.path)
     sorted_groups = (sorted(paths, key=lambda path: path in found.faults) for paths in groups.values())
     return {first: others for first, *others in sorted_groups if others}
 

@@ -54,7 +54,8 @@ def load_once(source: Source) -> DrapeDataset:
         source: Where it comes from.
 
     Returns:
-        The data set, the same object for every cell of a process.
+        The data set, the same object for every cell of a process: as it was when it was first loaded, so that in a
+        process that outlives changes of the data, such as a notebook, cells are planned with `datasets.load`.
 
     Raises:
         DataError: It cannot be loaded.

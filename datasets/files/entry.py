@@ -162,7 +162,7 @@ def parse_entry(root: Path, path: Path) -> Entry | None:
         f"fabric_{fabric}_observations" if series else f"fabric_{fabric}",
         fabric,
         sample,
-        1 if series else number["capture"],
+        number["capture"] or int(series),
         number["observation"],
         number["fabric"],
         number["sample"],

@@ -310,9 +310,9 @@ def blemishes(image: Float[ndarray, "size size"]) -> Blemishes:
     Returns:
         Their number and sizes.
     """
-    cloth = image >= 0.5
+    cloth, whole = image >= 0.5, without_specks(image) >= 0.5
     objects, gaps = _areas(cloth), _areas(~cloth)
-    border = bool(cloth[[0, -1]].any() or cloth[:, [0, -1]].any())
+    border = bool(whole[[0, -1]].any() or whole[:, [0, -1]].any())
     largest = [parts[1] if len(parts) > 1 else 0 for parts in (objects, gaps)]
     size, rows, columns = int(cloth.sum()), cloth.sum(axis=1), cloth.sum(axis=0)
     centroid = tuple(float(counts @ np.arange(len(counts))) / size for counts in (columns, rows))

@@ -21,7 +21,7 @@ from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_
 from cusick_bench.sim.cloth.obj import SUFFIXES as MESH_SUFFIXES
 
 _MOST_BYTES = 64 << 20  # as much as a mesh may have
-_VERSION = 6  # raise it when the meaning of a stored number changes, or a file is refused that was measured
+_VERSION = 7  # raise it when the meaning of a stored number changes, or a file is refused that was measured
 
 
 @dataclass(frozen=True, eq=False)

@@ -220,7 +220,8 @@ def test_a_drape_that_is_stored_in_two_formats_counts_once(toy):
     assert index.loc[0, "mesh"] != ""
     assert (index["notes"][1:] == "").all()
     path.with_suffix(".bmp").write_bytes(b"junk")
-    assert load(toy).index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.png")
+    for correct in (True, False):  # uncorrected, nothing is measured, and the unusable one was taken
+        assert load(toy, correct=correct).index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.png")
 
 
 def test_observations_are_a_series_of_their_own(tmp_path):
@@ -236,3 +237,15 @@ def test_observations_are_a_series_of_their_own(tmp_path):
     assert (index["mesh"] != "").all()
     assert (index["side"] == "up").all()
     assert load(root).repeat_pairs("fabric_7_observations") == []
+
+
+def test_observations_may_be_of_several_captures(tmp_path):
+    """All of them counted as the first capture, so that cloth that lay face down seemed to lie face up."""
+    home = tmp_path / "data" / "Fabric 7 Observations" / "Sample 1" / "silhouettes"
+    for capture in (1, 3):
+        for observation in (1, 2):
+            name = f"Fabric_7_Sample_1_Capture_{capture}_Obs_{observation}.png"
+            write_image(home / name, draw(toy_profile(7, observation, capture)))
+    index = load(tmp_path).index
+    assert index[["capture", "observation"]].values.tolist() == [[1, 1], [1, 2], [3, 1], [3, 2]]
+    assert list(index["side"]) == ["up", "up", "down", "down"]
