@@ -42,7 +42,9 @@ from cusick_bench.sim.torch_engine.engine import COMPILED, TorchEngine, torch_de
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 PLATE_SPRING = 1e3  # [N/m], the published program's
-_EDGE = 1e-9  # [m] vertices on the plate's edge count as held; on springs as free
+_EDGE = (
+    1e-3  # of the spacing; vertices as near to the plate's edge lie on it, as rounded in a file: held, on springs free
+)
 _MOST_COMPILED, _MOST_ON_DEVICE = 16, 256  # cloths dropped at once; larger batches are hardly faster
 _VERTEX_MEMORY = 6_000  # [bytes] of a compiled batch, for each vertex of each cloth (measured: 3500 to 5200)
 
@@ -140,11 +142,12 @@ class DrapeSimulator:
 
     def __post_init__(self) -> None:
         s, radius, device = self.settings, np.hypot(*self.mesh.material.T), str(self.device)
+        edge = _EDGE * np.sqrt(self.mesh.squared_spacing)
         object.__setattr__(self, "device", device)
         if s.support == "fixed":
-            fixed, spring = radius <= s.plate_radius + _EDGE, np.zeros(self.mesh.vertices)
+            fixed, spring = radius <= s.plate_radius + edge, np.zeros(self.mesh.vertices)
         else:
-            inside = radius < s.plate_radius - _EDGE
+            inside = radius < s.plate_radius - edge
             fixed, spring = np.zeros(self.mesh.vertices, bool), np.where(inside, PLATE_SPRING, 0.0)
         if not (fixed | (spring > 0)).any():
             where = "on" if s.support == "fixed" else "within the edge of"

@@ -11,6 +11,7 @@ known before a kernel is defined; modules without kernels do not import numba.
 import atexit
 import hashlib
 import logging
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -21,6 +22,7 @@ import platformdirs
 from numba.core import config
 
 _log = logging.getLogger(__name__)
+_OWN = re.compile(r"kernels-[0-9a-f]{12}")  # names of the folders that are made here
 
 CALLED = (
     "sim/laws/*.py", "sim/engine/plate/block_sums.py", "sim/engine/plate/points.py", "sim/linear/dense.py",
@@ -50,7 +52,8 @@ def _writable(folder: Path) -> bool:
     try:
         if not folder.exists():
             for old in folder.parent.glob("kernels-*"):
-                shutil.rmtree(old, ignore_errors=True)
+                if _OWN.fullmatch(old.name):  # the user's own folder may hold others
+                    shutil.rmtree(old, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return True

@@ -111,7 +111,7 @@ class DrapeProblem:
             raise ProblemError(f"unknown loss {self.loss!r}; use one of {', '.join(LOSSES)}")
         check_images((*self.train_images, *self.other_face_images), self.protocol)
         nominal = None if self.scene is not None else self.protocol  # a cause may change plate and gravity
-        check_simulator(self.simulator.settings, self.space, nominal)
+        check_simulator(self.simulator.mesh, self.simulator.settings, self.space, nominal)
 
     @property
     def train_images(self) -> tuple[Float[np.ndarray, "size size"], ...]:

@@ -49,6 +49,8 @@ def profile_statistics(
     Returns:
         In the order of `STATISTICS`.
     """
+    if not radius.numel():
+        return radius.new_zeros((*radius.shape[:-1], len(STATISTICS)))
     shallow, overhang = SHALLOW * protocol.cloth_scale, protocol.overhang_m
     inner, outer = protocol.plate_radius_m**2, protocol.cloth_radius_m**2
     harmonics = torch.fft.rfft(radius) / radius.shape[-1]
@@ -72,7 +74,7 @@ def profile_statistics(
 
 def _moment(power: Float[Tensor, "*batch orders"], exponent: int, shallow: float) -> Float[Tensor, "*batch"]:
     """sum m^exponent P; a flat profile counts as one of the first order."""
-    orders = torch.arange(FIRST_FOLD, LAST_FOLD + 1, dtype=power.dtype)
+    orders = torch.arange(FIRST_FOLD, LAST_FOLD + 1, dtype=power.dtype, device=power.device)
     return (power * orders**exponent).sum(-1) + shallow**2 * FIRST_FOLD**exponent
 
 

@@ -190,13 +190,15 @@ class LinearSolver(ABC):
         self.pattern = pattern
         self._spare: list[Factor] = []
 
-    def recycle(self, factor: Factor) -> None:
+    def recycle(self, factor: Factor, most: int) -> None:
         """Takes back the storage of a factor that nobody will solve with any more; fresh memory is slow to touch.
 
         Args:
             factor: The factor; do not solve with it afterwards.
+            most: Number of factors whose storage is kept; that of a further one is given up.
         """
-        self._spare.append(factor)
+        if len(self._spare) < most:
+            self._spare.append(factor)
 
     def _storage_left(self, members: int | None) -> Factor | None:
         """Recycled storage of as many members, if there is any."""

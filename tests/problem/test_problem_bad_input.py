@@ -132,8 +132,8 @@ def test_a_training_image_may_be_a_mirrored_or_protected_array():
 
 def test_errors_of_set_up_are_no_failed_drapes():
     problem = toy_problem()
-    other = disc_mesh(90)
-    wrong = DrapeProblem(problem.train_image, problem.simulator, HeterogeneousSpace(other, problem.space.prior))
+    wrong = replace(problem)
+    object.__setattr__(wrong, "space", HeterogeneousSpace(disc_mesh(90), problem.space.prior))  # else refused at once
     with pytest.raises(ValueError, match="the mesh has"):
         wrong.evaluate(np.zeros(wrong.dimension))
 
@@ -160,6 +160,18 @@ def test_a_simulator_of_another_experiment_is_refused(changes, message):
     other = DrapeSimulator(problem.simulator.mesh, replace(problem.simulator.settings, **changes))
     with pytest.raises(ProblemError, match=message):
         replace(problem, simulator=other)
+
+
+def test_a_space_of_another_mesh_or_cloth_is_refused():
+    """Fields lay on the wrong elements, or a cloth of 15 cm was fitted to one of 12, without a word."""
+    problem = toy_problem()
+    other = DrapeSimulator(disc_mesh(problem.simulator.mesh.vertices, seed=1), problem.simulator.settings)
+    with pytest.raises(ProblemError, match="mesh must be that of the space, got 100 vertices and 100, or the same"):
+        replace(problem, simulator=other)
+    with pytest.raises(ProblemError, match=r"for the protocol's cloth, got radii of 0\.15 and 0\.12 m"):
+        replace(problem, protocol=replace(RELEASE, cloth_radius_m=0.12))
+    same = DrapeSimulator(disc_mesh(100), problem.simulator.settings)
+    assert replace(problem, simulator=same).simulator is same
 
 
 def test_a_protocol_with_another_plate_is_refused():

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from cusick_bench.datasets.silhouette_statistics.selections import INFERRED
-from cusick_bench.problem.statistics import STATISTICS, profile_statistics
+from cusick_bench.problem.statistics import STATISTICS, drape_statistics, profile_statistics
 
 
 def rings(count: int = 20) -> np.ndarray:
@@ -35,3 +35,12 @@ def test_gradients_are_those_of_central_differences():
         (gradient,) = torch.autograd.grad(value, radius, retain_graph=True)
         expected = (ahead[column] - behind[column]) / (2 * step)
         assert float(gradient @ torch.as_tensor(direction)) == pytest.approx(expected, rel=1e-5), STATISTICS[column]
+
+
+def test_no_silhouettes_have_no_statistics():
+    """Where no cloth came to rest, an empty batch ended in an error of a library."""
+    assert drape_statistics(torch.zeros(0, 256, 256)).shape == (0, 7)
+
+
+def test_statistics_are_computed_where_the_radii_lie():
+    assert profile_statistics(torch.full((2, 360), 0.12, dtype=torch.float64, device="meta")).device.type == "meta"

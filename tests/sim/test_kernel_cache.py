@@ -33,8 +33,11 @@ def test_kernels_lie_where_the_content_of_called_files_says(monkeypatch, tmp_pat
     before = folder()
     assert folder() == before
     called.write_text("stiffness = 2")
+    others = tmp_path / "kernels-of-mine"  # in a folder that the user has named
+    others.mkdir()
     assert folder() != before
     assert not Path(before).exists()  # nobody reads it any more
+    assert others.exists()
 
 
 @pytest.mark.parametrize("asked", [True, False], ids=["NUMBA_CACHE_DIR", "nothing"])

@@ -302,6 +302,7 @@ def drop_adjoint(
     h, mass, free = step_seconds, p.mass, system.free
     ones, stepper = np.ones_like(mass), Stepper(system, mass, h)
     again: Factor | None = None
+    kept = sum(factor is not None for factor in rollout.factors)  # as many as the next drop has memory for
     for step in reversed(range(len(rollout.factors))):
         x, v, v_new = positions[step], velocities[step], velocities[step + 1]
         factor = rollout.factors[step]
@@ -312,7 +313,7 @@ def drop_adjoint(
         multiplier[:, free] = stepper.solve(factor)
         if rollout.factors[step] is not None:  # a second adjoint of this rollout computes it again
             rollout.factors[step] = None
-            system.linear.recycle(factor)
+            system.linear.recycle(factor, kept)
         for some in parts(system, len(x)):
             by_x, by_anchor = system.adjoint(
                 x[some], multiplier[some], v_new[some], p.part(some), gradient.part(some), force_factor=h,
