@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.sim.effects.registry import registered
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -58,7 +59,14 @@ def test_both_are_listed():
     assert effects["weak-gravity"]["class"] == "boundary"
 
 
+@pytest.mark.usefixtures("installed")
+def test_a_diagnosis_that_can_name_the_effect_is_another_one():
+    """What was found without the package, which cannot name it, counted as found with it."""
+    assert diagnosis_numerics()["effect weak-gravity"] == 1
+
+
 def test_without_the_package_nobody_knows_them():
+    assert not [part for part in diagnosis_numerics() if part.startswith("effect ")]
     assert "random-search" not in {solver["name"] for solver in _json("solvers")["solvers"]}
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.stats import ClothStatistics, statistics
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
@@ -133,7 +134,7 @@ class Identification:
         """
         protocol = self.dataset.protocol
         document = IdentifyDocument(
-            folder=self.given,
+            folder=self.given if self.given in REGISTRY else str(Path(self.given).resolve()),
             data=str(self.dataset.root),
             dataset_hash=self.dataset.content_hash,
             preparation=self.preparation,

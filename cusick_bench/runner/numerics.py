@@ -21,7 +21,7 @@ from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.effects.base import Effect
-from cusick_bench.sim.effects.registry import parse, registered
+from cusick_bench.sim.effects.registry import is_built_in, parse, registered
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.laws import paper, plate, published
 from cusick_bench.solvers.base import Solver
@@ -145,7 +145,9 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
     versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
     for law in ("paper", "plate"):  # of an atlas' cheaper drapes, and of the base model
         versions |= drape_numerics(law, with_effects=True)
-    return dict(sorted((versions | raised_versions("effect", registered().values())).items()))
+    known = registered().values()
+    versions |= {f"effect {one.name}": one.version for one in known if not is_built_in(one)}  # which may be here or not
+    return dict(sorted((versions | raised_versions("effect", known)).items()))
 
 
 def raised_versions(kind: str, parts: Iterable[Effect | type[ParameterSpace]]) -> dict[str, int]:

@@ -97,6 +97,18 @@ class Cause:
         return self.effect.apply(setup, self.value)
 
 
+def is_built_in(one: Effect) -> bool:
+    """Whether an effect is of this package.
+
+    Args:
+        one: The effect.
+
+    Returns:
+        False of an effect of another package, which is not there where that is not installed.
+    """
+    return type(one) in _BUILT_IN
+
+
 @lru_cache(maxsize=1)
 def registered() -> dict[str, Effect]:
     """Every effect by name: built in, and those of other packages."""

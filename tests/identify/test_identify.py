@@ -152,6 +152,19 @@ def test_the_answer_about_another_folder_is_not_replaced(lab, atlas, tmp_path, m
         require_same_folder(str(lab), Workspace(tmp_path / "out"))
 
 
+def test_the_answer_names_its_folder_wherever_it_is_asked_from(lab, atlas, tmp_path, monkeypatch):
+    """Of `photos` another laboratory's `photos` was the same folder, and its answer took the first one's place."""
+    monkeypatch.chdir(lab.parent)
+    out = tmp_path / "out"
+    made = identify(lab.name, "--out", out, "--atlas", atlas, *CHEAP, "--cloth", "fabric_1")
+    assert made.exit_code == 0, made.output
+    assert IdentifyDocument.read(out / "identify.json").folder == str(lab)
+    shutil.copytree(lab, tmp_path / lab.name)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(IdentifyError, match="holds the identification of"):
+        require_same_folder(lab.name, Workspace(out))
+
+
 def test_a_damaged_diagnosis_is_made_anew(lab, atlas, tmp_path):
     words = (lab, "--out", tmp_path / "out", "--atlas", atlas, *CHEAP, "--cloth", "fabric_3")
     assert identify(*words).exit_code == 0

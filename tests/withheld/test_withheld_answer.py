@@ -18,11 +18,11 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.files import digest
-from cusick_bench.files.digest import file_digest
+from cusick_bench.files.digest import file_digest, folder_digest
 from cusick_bench.withheld.answers import blind, oracle
 from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_captures, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
-from cusick_bench.withheld.answers.parts import case_part
+from cusick_bench.withheld.answers.parts import case_digest, case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answers
 from cusick_bench.withheld.format.label import LabelDocument, read_label_documents
@@ -127,6 +127,22 @@ def test_the_files_of_a_case_are_read_once_for_their_hash(
     document = answer_suite(small_suite / "cases", tmp_path / "answers.json", SHIPPED, QUICK)
     assert document == read_answers(small_answers)
     assert len(read) == len(set(read)) > 0
+
+
+def test_a_case_is_what_it_is_read_from(tmp_path: Path) -> None:
+    """Tables above a folder that is named like a fabric's are its own: answers outlived a change of the protocol."""
+    for name in ("Fabric 1", "case_0001"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "picture.png").write_bytes(b"0")
+    alone = case_digest(tmp_path / "Fabric 1")
+    assert alone == case_digest(tmp_path / "case_0001") == folder_digest(tmp_path / "case_0001")
+    digests = set()
+    for table in ("protocol.json", "fabrics.csv"):
+        (tmp_path / table).write_text("{}")
+        digests.add(case_digest(tmp_path / "Fabric 1"))
+        assert case_digest(tmp_path / "case_0001") == alone
+    (tmp_path / "protocol.json").write_text('{"turn_over": "about y"}')
+    assert len(digests | {alone, case_digest(tmp_path / "Fabric 1")}) == 4
 
 
 @pytest.mark.parametrize("changed", ["atlas.npz", "cases/case_0001/fabrics.csv"])

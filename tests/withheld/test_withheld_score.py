@@ -230,6 +230,17 @@ class TestJudgement:
         assert found.surprise == pytest.approx(log(24))
         assert found.covered == 0
 
+    @pytest.mark.parametrize("truth", [("none", None), ("creep",)])
+    def test_a_refusal_is_right_about_nothing(self, truth):
+        """Of outcomes alike the first is `none`: of cases without effect refusals were right, of others wrong."""
+        assert self.judged(answer("refused"), label(*truth)).right == pytest.approx(1 / 24)
+
+    @pytest.mark.parametrize("verdict", ["none", "refused"])
+    def test_a_table_of_zeros_is_no_opinion(self, verdict):
+        """Scoring ended in a division by zero."""
+        said = answer(verdict, *((name, 0.0) for name in read_answer(answer("refused"), "a").probabilities()))
+        assert self.judged(said, label("none", None)).confidence == pytest.approx(1 / 24)
+
     def test_an_effect_that_was_not_offered_is_unknown(self):
         said = answer("unknown", ("creep", 0.1), without=["threshold"])
         found = self.judged(said, label("threshold"))

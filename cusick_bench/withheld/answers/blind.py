@@ -22,7 +22,7 @@ from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import Options
-from cusick_bench.files.digest import file_digest, folder_digest
+from cusick_bench.files.digest import file_digest
 from cusick_bench.files.first_names import first_names
 from cusick_bench.files.hidden import is_hidden
 from cusick_bench.runner.environment import version_text
@@ -30,7 +30,7 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
-from cusick_bench.withheld.answers.parts import PARTS, answer_numerics, case_part, require_unchanged
+from cusick_bench.withheld.answers.parts import PARTS, answer_numerics, case_digest, case_part, require_unchanged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object
@@ -213,12 +213,12 @@ def _seals_of(folders: Collection[Path]) -> dict[str, str]:
 
 
 def _files_of(folders: Collection[Path]) -> dict[str, str]:
-    """SHA-256 of the files of every case.
+    """SHA-256 of what every case is read from.
 
     Raises:
         WithheldError: Another one than the case was published with.
     """
-    found = {folder: folder_digest(folder) for folder in folders}
+    found = {folder: case_digest(folder) for folder in folders}
     for parent in {folder.parent for folder in folders}:
         own = {folder.name: digest for folder, digest in found.items() if folder.parent == parent}
         require_published_files(own, files_beside(parent), str(parent))

@@ -10,6 +10,9 @@ from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any, TypeVar
 
+from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
+from cusick_bench.datasets.files.layout import beside
+from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.files.digest import file_digest, folder_digest
 from cusick_bench.runner.labels import numerics_text
@@ -83,18 +86,35 @@ def require_labels_of(cases: Path, labels: Mapping[str, LabelDocument]) -> dict[
         labels: Content of labels.json.
 
     Returns:
-        SHA-256 of the files of every labelled case that is there (`folder_digest`), by name.
+        SHA-256 of what every labelled case that is there is read from (`case_digest`), by name.
 
     Raises:
         WithheldError: No labelled case there, labels of another suite, or a case with other files than the sealed ones.
     """
     carried = {case: label.sha256 for case, label in labels.items()}
     require_one_suite(carried, seals_beside(cases), "the labels", str(cases))
-    found = {case: folder_digest(cases / case) for case in labels if (cases / case).is_dir()}
+    found = {case: case_digest(cases / case) for case in labels if (cases / case).is_dir()}
     if labels and not found:
         raise WithheldError(f"{cases} has none of the {len(labels)} cases with a label; give the folder of these cases")
     require_published_files(found, files_beside(cases), str(cases))
     return found
+
+
+def case_digest(folder: Path) -> str:
+    """SHA-256 of what a case is read from.
+
+    Args:
+        folder: Folder of the case.
+
+    Returns:
+        That of its files (`folder_digest`); where its folder is named like one of a fabric or a sample, so that tables
+        above it belong to it, that of both.
+    """
+    root = folder.resolve()
+    tables = [beside(root, name) for name in (PROTOCOL_FILE, FABRICS_FILE)]
+    above = [file_digest(path) for path in tables if path is not None and not path.is_relative_to(root)]
+    own = folder_digest(folder)
+    return hashlib.sha256(" ".join([own, *above]).encode()).hexdigest() if above else own
 
 
 def case_part(out: Path, case: str, files: str, atlas: Path, *options: object) -> Path:
@@ -103,7 +123,7 @@ def case_part(out: Path, case: str, files: str, atlas: Path, *options: object) -
     Args:
         out: File for all cases.
         case: Name of the case.
-        files: SHA-256 of its files.
+        files: SHA-256 of what it is read from (`case_digest`).
         atlas: Fitted atlas.
         options: What else decides it, each with a text that tells it from others.
 
@@ -120,14 +140,14 @@ def require_unchanged(folder: Path, files: str, atlas: Path, atlas_sha256: str) 
 
     Args:
         folder: Folder of the case.
-        files: SHA-256 of its files when the work began.
+        files: SHA-256 of what it is read from when the work began (`case_digest`).
         atlas: Fitted atlas.
         atlas_sha256: Its SHA-256 when the work began.
 
     Raises:
         WithheldError: The case or the atlas was changed meanwhile.
     """
-    for path, began, now in ((folder, files, folder_digest(folder)), (atlas, atlas_sha256, file_digest(atlas))):
+    for path, began, now in ((folder, files, case_digest(folder)), (atlas, atlas_sha256, file_digest(atlas))):
         if began != now:
             raise WithheldError(
                 f"{path} must stay as it is while cases are answered, but has changed; what was found of {folder.name} "

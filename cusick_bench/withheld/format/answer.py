@@ -268,6 +268,8 @@ class BaselineAnswer(Document):
         if rest > 0 and others:
             stated |= dict.fromkeys(others, rest / len(others))
         total = sum(stated.values())
+        if not total:  # every outcome has a probability of 0, which says as little as a refusal
+            return dict.fromkeys(causes.outcomes(), 1 / len(causes.outcomes()))
         return {name: stated.get(name, 0.0) / total for name in causes.outcomes()}
 
 

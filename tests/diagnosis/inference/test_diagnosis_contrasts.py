@@ -33,7 +33,7 @@ from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.single_effects.localise import PatchMaps
+from cusick_bench.diagnosis.inference.single_effects.localise import PatchMaps, place
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
 from cusick_bench.sim.effects import effect
@@ -362,3 +362,27 @@ def test_a_patch_of_which_nothing_is_seen_may_be_anywhere() -> None:
     values, zeros = {name: column[rows] for name, column in patch.values.items()}, np.zeros(len(rows))
     grid = Grid(patch, values, np.ones(len(rows)), np.zeros((len(rows), 3)), zeros, zeros)
     np.testing.assert_allclose(PatchMaps([grid]).of(np.ones(3)), 1 / 64)
+
+
+class _Stain(type(effect("local-stiff-patch"))):
+    """A patch of another package, whose parameters have names of their own, and perhaps no radius."""
+
+    name = "stain"
+
+    def __init__(self, *left_out: str) -> None:
+        own = {"direction": "bearing", "radius": "distance"}
+        known = effect("local-stiff-patch").parameters
+        self.parameters = tuple(
+            replace(one, name=own.get(one.role, one.name)) for one in known if one.role not in left_out
+        )
+
+
+@pytest.mark.parametrize("left_out", [(), ("radius",)])
+def test_a_patch_of_another_package_is_placed_by_the_roles_of_its_parameters(left_out: tuple[str, ...]) -> None:
+    """Every diagnosis ended in a KeyError."""
+    patch = Hypothesis(_Stain(*left_out), "cloth", 1.0)
+    zeros = np.zeros(len(patch.severity()))
+    grid = Grid(patch, patch.values, np.ones(len(zeros)), np.zeros((len(zeros), 3)), zeros, zeros)
+    np.testing.assert_allclose(PatchMaps([grid]).of(np.ones(3)), 1 / 64)
+    found = place(None, np.ones(3), [grid])
+    assert (found.localisable, found.why_not) == (False, "no single cause is named")

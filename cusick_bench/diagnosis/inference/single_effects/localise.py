@@ -62,8 +62,9 @@ def _cells(grid: Grid) -> tuple[Int[ndarray, "entries"], Int[ndarray, "entries"]
 
     A point in a direction on the border of two sectors lies in both, and comes twice.
     """
-    ring = np.argmin(np.abs(np.array(RINGS)[:, None] - grid.values["radius"]), axis=0)
-    position = grid.values["direction"] * SECTORS / 360
+    names = _by_role(grid)
+    ring = np.argmin(np.abs(np.array(RINGS)[:, None] - grid.values[names["radius"]]), axis=0)
+    position = grid.values[names["direction"]] * SECTORS / 360
     sector, before = (np.floor(position - distance).astype(int) % SECTORS for distance in (0.0, 1e-9))
     point, on_border = np.arange(len(position)), before != sector
     return (
@@ -72,8 +73,14 @@ def _cells(grid: Grid) -> tuple[Int[ndarray, "entries"], Int[ndarray, "entries"]
     )
 
 
+def _by_role(grid: Grid) -> dict[str, str]:
+    """Names of an effect's parameters by their roles."""
+    return {parameter.role: parameter.name for parameter in grid.hypothesis.effect.parameters}
+
+
 class PatchMaps:
-    """Maps from the patches of all hypotheses, one for each vector of residuals.
+    """Maps from the patches of all hypotheses whose parameters tell direction and radius, one for each vector of
+    residuals.
 
     Args:
         grids: All hypotheses.
@@ -82,7 +89,11 @@ class PatchMaps:
 
     def __init__(self, grids: Sequence[Grid], only: str | None = None) -> None:
         self._grids = [
-            grid for grid in grids if grid.hypothesis.effect.located == "patch" and only in (None, grid.hypothesis.name)
+            grid
+            for grid in grids
+            if grid.hypothesis.effect.located == "patch"
+            and only in (None, grid.hypothesis.name)
+            and _by_role(grid).keys() >= {"direction", "radius"}
         ]
         points, cells, first = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)], 0
         for grid in self._grids:
