@@ -52,8 +52,10 @@ class Tally:
         Args:
             done: In the unit of `total`.
         """
-        if done > self.done:
-            now = self.clock()
+        now = self.clock()
+        if done < self.done:  # another stage, which begins anew
+            self._marks = [(now, done)]
+        elif done > self.done:
             if self._was_counted(now, done):
                 self._marks = [self._marks[-1]]
             self._marks = [*self._marks[:2], (now, done)]

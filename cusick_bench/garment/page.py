@@ -5,6 +5,7 @@ the size of a drape for it.
 """
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -29,13 +30,16 @@ def write_page(worn: Sequence[Worn], path: Path) -> None:
     """
     size = worn[0].wearing.size
     scale = _DROP / size.length
-    models = [model for one in worn for model in _models(one, scale)]
+    of_cloths = zip_longest(*(_models(one, scale) for one in worn))  # if there is no room for all, some of each cloth
+    models = [model for of_draw in of_cloths for model in of_draw if model is not None]
+    drapes, order = models_document(models, scale * size.waist), [one.cloth.name for one in worn]
+    drapes["drapes"].sort(key=lambda drape: order.index(drape["cloth"]))
     measures = f"radius of the waist {1e3 * size.waist:.0f} mm, length {1e3 * size.length:.0f} mm"
     page: dict[str, Any] = {
         "title": "Skirts of digitised cloths",
         "summary": f"{worn[0].wearing.kind.capitalize()} skirts, {measures}.",
         "rows": [_row(numbers) for numbers in compared(worn)],
-        "drapes": models_document(models, scale * size.waist),
+        "drapes": drapes,
     }
     write_html(path, render_page("garments.html.j2", scripts=_SCRIPTS, page=page))
 

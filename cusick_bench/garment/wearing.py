@@ -91,7 +91,7 @@ class Worn:
         resting: Which draws came to rest.
         measures: Measures of each draw at rest.
         times: Times of the frames [s]; none without a motion.
-        frames: Positions in each frame [m].
+        frames: Positions in each frame [m], of all draws or, where memory is short, of the first ones.
     """
 
     cloth: Cloth
@@ -101,7 +101,7 @@ class Worn:
     resting: Bool[ndarray, "draws"]
     measures: list[SkirtMeasures]
     times: Float[ndarray, "frames"]
-    frames: Float[ndarray, "frames draws vertices 3"]
+    frames: Float[ndarray, "frames moving vertices 3"]
 
     def spread(self) -> dict[str, Any]:
         """How much the draws differ at rest, as `measurement.spread` says it."""

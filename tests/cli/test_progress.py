@@ -121,6 +121,11 @@ class TestTimeLeft:
         # 60 s of compilation and one step, then a step a second
         assert self.left_after([(60, 1), (100, 41)]) == pytest.approx(59)
 
+    def test_a_further_stage_is_judged_by_itself(self):
+        """A skirt hangs for a minute and then moves for twenty seconds, of which sixteen minutes seemed to be left."""
+        assert self.left_after([(1, 10), (60, 100), (61, 1), (64, 11)]) == pytest.approx(0.3 * 89)
+        assert self.left_after([(1, 10), (60, 100), (61, 1)]) is None
+
     def test_it_counts_down_between_steps(self):
         assert self.left_after([(60, 1), (100, 41)], now=110) == pytest.approx(49)
         assert self.left_after([(60, 1), (100, 41)], now=500) == 0

@@ -260,6 +260,27 @@ def test_moments_are_a_quarter_a_half_and_three_quarters_through_the_motion(
     assert heights == pytest.approx([0, 0.2, 0.4, 0.6])
 
 
+def test_where_a_page_has_no_room_for_all_draws_it_shows_some_of_each_cloth(tmp_path: Path, monkeypatch):
+    """The draws of the first cloth took all of it."""
+    skirt, numbers = circular_skirt(SkirtSize(length=0.3), 150), np.zeros(0)
+    positions, measures = np.stack([skirt.start] * 6), [measure(skirt, skirt.start)] * 6
+    worn = [
+        Worn(
+            replace(cloth_of_numbers(density=0.2, bending=(1e-5, 1e-5, 1e-5)), name=name), Wearing(draws=6), skirt,
+            positions, np.ones(6, bool), measures, numbers, np.zeros((0, *positions.shape)),
+        )
+        for name in ("linen", "silk")
+    ]  # fmt: skip
+    write_page(worn, tmp_path / "all.html")
+    assert len(_drapes(tmp_path / "all.html")) == 12
+    half = len(json.dumps(_drapes(tmp_path / "all.html"))) // 2
+    monkeypatch.setattr("cusick_bench.report.run.drape_models.MOST_BYTES", half)
+    write_page(worn, tmp_path / "half.html")
+    shown = [drape["cloth"] for drape in _drapes(tmp_path / "half.html")]
+    assert 4 <= len(shown) < 10
+    assert abs(shown.count("linen") - shown.count("silk")) <= 1
+
+
 def test_a_single_draw_at_rest_has_no_spread_and_no_motion(tmp_path: Path):
     cloth = cloth_of_numbers(density=0.2, bending=(1e-5, 1e-5, 1e-5))
     still = wear(cloth, Wearing(size=SkirtSize(length=0.3), vertices=170, draws=1))

@@ -316,8 +316,11 @@ def test_a_measured_height_that_held_boards_contradict_is_told(photographs, capl
     assert f"but {1.2 * true:.2f} m by --camera-height; the former is used" in caplog.text
 
 
-def test_a_single_held_board_is_told_to_be_of_no_use(photographs, caplog):
+@pytest.mark.parametrize("blurred", [False, True])
+def test_a_single_held_board_is_told_to_be_of_no_use(photographs, caplog, blurred):
     board, held = ((f"{name}.jpg", read_photograph(photographs / f"{name}.jpg")) for name in ("board-plane", "board-1"))
+    if blurred:  # which matters to nobody
+        held = (held[0], replace(held[1], levels=np.full_like(held[1].levels, 128)))
     assert calibrated(board, [held], None, 0.09).source == "one picture of the board"
     assert caplog.messages == [
         "board-1.jpg is not used: one picture of the board held at an angle does not tell the camera's height, 2 do"

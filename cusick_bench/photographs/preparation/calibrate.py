@@ -70,7 +70,7 @@ def calibrated(
         )  # fmt: skip
     view = view_from_boards(
         find_board(photograph, name, printed),
-        [find_board(held, title, printed) for title, held in boards_held],
+        [find_board(held, title, printed) for title, held in (boards_held if by_boards else ())],
         photograph.size,
         focal=photograph.focal,
         height=height,
