@@ -61,6 +61,7 @@ from cusick_bench.sim.render.silhouette import render
 from cusick_bench.sim.setup import Setup, drape_setups
 from cusick_bench.solvers.base import Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
+from cusick_bench.solvers.registry import registered as solvers
 from cusick_bench.withheld import NUMERICS_VERSION as WITHHELD
 from cusick_bench.withheld.world.true_case import TrueCase
 
@@ -213,19 +214,16 @@ def _renderer() -> Values:
     }
 
 
-def _effects() -> Values:
+def _effect(name: str) -> Values:
     mesh, settings = disc_mesh(100), DrapeSettings(steps=4, clamp="whole")
-    found = {}
-    for name in registered():
-        one, material = effect(name), uniform_material(density=0.2, bending=1e-4)
-        setup = Setup(
-            mesh, settings, material, later=one.kind == "history", laying=lambda at: 1e-3 * torch.sin(40 * at[:, 0])
-        )
-        changed = one.apply(setup, {p.name: 0.3 * p.typical for p in one.parameters if p.role == "severity"})
-        (seen,) = drape_setups([changed])
-        assert seen is not None, f"{name}: the drape of the golden numbers diverges"
-        found[name] = _summary(seen.detach())
-    return found
+    one, material = effect(name), uniform_material(density=0.2, bending=1e-4)
+    setup = Setup(
+        mesh, settings, material, later=one.kind == "history", laying=lambda at: 1e-3 * torch.sin(40 * at[:, 0])
+    )
+    changed = one.apply(setup, {p.name: 0.3 * p.typical for p in one.parameters if p.role == "severity"})
+    (seen,) = drape_setups([changed])
+    assert seen is not None, f"{name}: the drape of the golden numbers diverges"
+    return {"seen": _summary(seen.detach())}
 
 
 @cache
@@ -283,7 +281,7 @@ def _metrics() -> Values:
     return {name: [value] for name, value in found.items()}
 
 
-# By solver: options and budget that show it at work within a second.
+# By solver: options and budget that show it at work within a second; others get `_BUDGET` drapes and no options.
 _SOLVERS = {
     "homo": ("homo,search=3,adam_steps=2,lbfgs_iterations=2", 14),
     "heter": ("heter", 10),
@@ -302,6 +300,7 @@ _SOLVERS = {
     "oracle:best-other": ("oracle:best-other", 1),
     "oracle:repeat": ("oracle:repeat", 1),
 }
+_BUDGET = 8
 _STIFF = 30.0  # times the prior's median bending: folds form late, so little is amplified
 
 
@@ -376,7 +375,6 @@ def goldens() -> dict[str, Golden]:
         "clamp": Golden(engine, _clamp, SHORT),
         "contact": Golden({"contact": drape["contact"], **engine}, _contact, SHORT),
         "renderer": Golden({"renderer": drape["renderer"]}, _renderer, EXACT),
-        "effects": Golden({name: drape[name] for name in drape if name != "renderer"}, _effects, SHORT),
         "datasets": Golden({"datasets": data["datasets"], **shipped}, _datasets, EXACT),
         "perspective": Golden({"perspective": hanging_line.NUMERICS_VERSION}, _perspective, EXACT),
         "problem": Golden({"problem": problem, "datasets": data["datasets"]}, _problem, EXACT),
@@ -389,7 +387,14 @@ def goldens() -> dict[str, Golden]:
         "photographs": Golden({"photographs": PHOTOGRAPHS}, _photographs, LIBRARY),
         "test functions": Golden({"test functions": functions.NUMERICS_VERSION}, _functions, EXACT),
     }
-    for text, budget in _SOLVERS.values():
+    simulated = {name: drape[name] for name in drape if name != "renderer"}
+    for name, one in registered().items():
+        versions = simulated | raised_versions("effect", [one])
+        found[f"effect {name}"] = Golden(versions, lambda name=name: _effect(name), SHORT)
+    families = {name.partition(":")[0] for name in _SOLVERS if name.startswith("nlopt:")}
+    checked = {*_SOLVERS, *families}  # of a family some members stand for all: they share one class
+    others = {name: (name, _BUDGET) for name in solvers() if not {name, name.partition(":")[0]} & checked}
+    for text, budget in (_SOLVERS | others).values():
         solver = make_solver(text)
         tolerance = LIBRARY if solver.name.startswith(_BY_LIBRARY) else SHORT
         found[f"solver {solver.name}"] = Golden(

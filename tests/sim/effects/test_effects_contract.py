@@ -86,9 +86,9 @@ def test_it_says_what_it_is(one: Effect):
 def test_each_class_has_its_effects():
     names = {kind: [one.name for one in EFFECTS if one.kind == kind] for kind in {one.kind for one in EFFECTS}}
     assert len(EFFECTS) >= 22
-    assert names["history"] == ["creep", "bending-friction", "shear-friction"]
-    assert len(names["material"]) == 8
-    assert names["contact"] == ["self-contact"]
+    assert set(names["history"]) >= {"creep", "bending-friction", "shear-friction"}
+    assert len(names["material"]) >= 8
+    assert "self-contact" in names["contact"]
 
 
 def test_the_json_document_states_the_values_that_are_used_where_none_is_given():
