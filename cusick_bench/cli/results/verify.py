@@ -87,9 +87,9 @@ def verify_command(
     if table.empty and not damaged:
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     dataset = load_data_of(judged if table.empty else replace(judged, table=table), data, fabrics_csv)
-    of_these = table["dataset_hash"] == dataset.content_hash
-    if of_these.any() and not of_these.all():
-        tell(f"{(~of_these).sum()} cells on other data of that name are left aside; give theirs with --data")
+    of_these = [state == dataset.content_hash for state in table["dataset_hash"]]
+    if any(of_these) and not all(of_these):
+        tell(f"{of_these.count(False)} cells on other data of that name are left aside; give theirs with --data")
         table = table.loc[of_these]
     verifications, simulators = [unreadable(cell) for cell in damaged], Simulators()
     kept = interruptible(lambda: _kept(len(verifications), len(table) + len(damaged), run / VERIFIED))
