@@ -83,8 +83,10 @@ def leaderboard(
     found = stiffness_rows(cells, seed=seed)
     for path in out or []:
         _write(path, _form(boards, path))
-    for path in every_cell or []:
-        _write(path, table_bytes(cell_table(cells, _data_of_split(cells)), path))
+    if every_cell:
+        numbers = cell_table(cells, _data_of_split(cells))
+        for path in every_cell:
+            _write(path, table_bytes(numbers, path))
     for path in stiffness or []:
         _write(path, _stiffness_form(found, path.suffix).encode())
     if as_json:
