@@ -48,22 +48,17 @@ def check_simulator(mesh: Mesh, settings: DrapeSettings, space: ParameterSpace, 
         mesh: Mesh of the simulator.
         settings: Its settings.
         space: The parameter space, with its prior.
-        protocol: Gives plate, cloth and gravity; None where a simulated cause may change them.
+        protocol: Gives plate and gravity; None where a simulated cause may change them.
 
     Raises:
-        ProblemError: The mesh is not that of the space, plate or gravity is not that of space and protocol, the space
-            is for another size of cloth, or the law reads bending tables otherwise than the prior means them.
+        ProblemError: The mesh is not that of the space, plate or gravity is not that of space and protocol, or the law
+            reads bending tables otherwise than the prior means them.
     """
     own = space.mesh
     if mesh is not own and not (np.array_equal(mesh.material, own.material) and np.array_equal(mesh.faces, own.faces)):
         raise ProblemError(
             f"the simulator's mesh must be that of the space, got {mesh.vertices} vertices and {own.vertices}, "
             "or the same number in other places; make both of one mesh"
-        )
-    if protocol is not None and not math.isclose(space.cloth_radius, protocol.cloth_radius_m):
-        raise ProblemError(
-            f"the space must be for the protocol's cloth, got radii of {space.cloth_radius:g} and "
-            f"{protocol.cloth_radius_m:g} m; give it, and the mesh, the protocol's cloth_radius"
         )
     given = [("the space", "plate_radius", settings.plate_radius, space.plate_radius, "m")]
     if protocol is not None:

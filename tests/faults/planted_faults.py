@@ -68,8 +68,8 @@ FAULTS = (
         "wrong clamp",
         "the cloth on the plate's edge hangs free",
         "sim/drape.py",
-        "radius <= s.plate_radius + _EDGE, np.zeros",
-        "radius < s.plate_radius - _EDGE, np.zeros",
+        "radius <= s.plate_radius + edge, np.zeros",
+        "radius < s.plate_radius - edge, np.zeros",
         "tests/sim/test_drape.py::test_cloth_on_the_edge_of_the_plate_is_held",
     ),
     Fault(

@@ -162,14 +162,12 @@ def test_a_simulator_of_another_experiment_is_refused(changes, message):
         replace(problem, simulator=other)
 
 
-def test_a_space_of_another_mesh_or_cloth_is_refused():
-    """Fields lay on the wrong elements, or a cloth of 15 cm was fitted to one of 12, without a word."""
+def test_a_space_of_another_mesh_is_refused():
+    """Fields lay on the wrong elements without a word."""
     problem = toy_problem()
     other = DrapeSimulator(disc_mesh(problem.simulator.mesh.vertices, seed=1), problem.simulator.settings)
     with pytest.raises(ProblemError, match="mesh must be that of the space, got 100 vertices and 100, or the same"):
         replace(problem, simulator=other)
-    with pytest.raises(ProblemError, match=r"for the protocol's cloth, got radii of 0\.15 and 0\.12 m"):
-        replace(problem, protocol=replace(RELEASE, cloth_radius_m=0.12))
     same = DrapeSimulator(disc_mesh(100), problem.simulator.settings)
     assert replace(problem, simulator=same).simulator is same
 

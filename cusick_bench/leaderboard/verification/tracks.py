@@ -46,10 +46,10 @@ def require_fit(rows: Iterable[Mapping[str, Any]], present: Iterable[Mapping[str
         present: Rows that their file holds.
 
     Raises:
-        LeaderboardError: Other data, another split or another mesh size than the track's, or rows of several.
+        LeaderboardError: Other data, another split or another mesh size than the track's, or rows of several data.
     """
     rows, known, hash_of = list(rows), list(present), cache(_hash_of)
-    _require_one_question(rows)
+    _require_one_data(rows)
     for row in rows:
         name = str(row["track"])
         if name in TRACKS:
@@ -75,25 +75,17 @@ def vertices_of(row: Mapping[str, Any]) -> int:
         return 0
 
 
-def _require_one_question(rows: Iterable[Mapping[str, Any]]) -> None:
-    """Refuses rows of a track that answer several questions, the first ones among them, which no row is there yet to be
-    compared with.
-    """
-    first: dict[str, Mapping[str, Any]] = {}
+def _require_one_data(rows: Iterable[Mapping[str, Any]]) -> None:
+    """Refuses rows of several data, the first of a track among them, which no row is there yet to be compared with."""
+    first: dict[str, tuple[str, str]] = {}
     for row in rows:
-        other = first.setdefault(str(row["track"]), row)
-        for what, each, of_row in (
-            ("dataset hash", "data set", lambda one: str(one["dataset_hash"])),
-            ("split", "split", lambda one: str(one["protocol"])),
-            ("mesh size", "mesh size", vertices_of),
-        ):
-            if what == "mesh size" and row["track"] in TRACKS:  # which declares several
-                continue
-            if of_row(row) != of_row(other):
-                raise LeaderboardError(
-                    f"rows of track {row['track']} must have one {what}, got {of_row(other)} ({other['solver']}) and "
-                    f"{of_row(row)} ({row['solver']}); run each {each} into a folder of its own"
-                )
+        digest, solver = str(row["dataset_hash"]), str(row["solver"])
+        known, other = first.setdefault(str(row["track"]), (digest, solver))
+        if digest != known:
+            raise LeaderboardError(
+                f"rows of track {row['track']} must have one dataset hash, got {known} ({other}) and {digest} "
+                f"({solver}); run each data set into a folder of its own"
+            )
 
 
 def _hash_of(dataset: str) -> str:

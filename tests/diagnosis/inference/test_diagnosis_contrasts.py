@@ -380,9 +380,11 @@ class _Stain(type(effect("local-stiff-patch"))):
 @pytest.mark.parametrize("left_out", [(), ("radius",)])
 def test_a_patch_of_another_package_is_placed_by_the_roles_of_its_parameters(left_out: tuple[str, ...]) -> None:
     """Every diagnosis ended in a KeyError."""
-    patch = Hypothesis(_Stain(*left_out), "cloth", 1.0)
-    zeros = np.zeros(len(patch.severity()))
-    grid = Grid(patch, patch.values, np.ones(len(zeros)), np.zeros((len(zeros), 3)), zeros, zeros)
+    known, stain = Hypothesis(effect("local-stiff-patch"), "cloth", 1.0), _Stain(*left_out)
+    named = {one.role: one.name for one in stain.parameters}
+    values = {named[one.role]: known.values[one.name] for one in known.effect.parameters if one.role in named}
+    zeros = np.zeros(len(known.severity()))
+    grid = Grid(Hypothesis(stain, "cloth", 1.0), values, np.ones(len(zeros)), np.zeros((len(zeros), 3)), zeros, zeros)
     np.testing.assert_allclose(PatchMaps([grid]).of(np.ones(3)), 1 / 64)
     found = place(None, np.ones(3), [grid])
     assert (found.localisable, found.why_not) == (False, "no single cause is named")
