@@ -42,9 +42,7 @@ from cusick_bench.sim.torch_engine.engine import COMPILED, TorchEngine, torch_de
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 PLATE_SPRING = 1e3  # [N/m], the published program's
-_EDGE = (
-    1e-3  # of the spacing; vertices as near to the plate's edge lie on it, as rounded in a file: held, on springs free
-)
+_EDGE = 1e-3  # of the spacing; vertices nearer to the plate's edge (rounded in a file) lie on it: held, on springs free
 _MOST_COMPILED, _MOST_ON_DEVICE = 16, 256  # cloths dropped at once; larger batches are hardly faster
 _VERTEX_MEMORY = 6_000  # [bytes] of a compiled batch, for each vertex of each cloth (measured: 3500 to 5200)
 

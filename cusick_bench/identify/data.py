@@ -50,14 +50,22 @@ def require_same_folder(given: str, workspace: Workspace) -> None:
         return
     folder, data = str(document.get("folder", "")), str(document.get("data", ""))
     there = folder in REGISTRY or (bool(folder) and Path(folder).exists())
-    if there and _place(given) not in (_place(folder), _place(data)):
+    if there and place_of(given) not in (place_of(folder), place_of(data)):
         raise IdentifyError(
             f"--out {workspace.out} holds the identification of {folder}, which that of {given} would replace; give "
             f"another --out, or remove {workspace.document}"
         )
 
 
-def _place(given: str) -> str | Path:
+def place_of(given: str) -> str | Path:
+    """Where a folder lies, from wherever it was given.
+
+    Args:
+        given: Folder, or name of a data set.
+
+    Returns:
+        The whole path; of a data set its name.
+    """
     return given if given in REGISTRY else Path(given).resolve()
 
 

@@ -10,14 +10,13 @@ from pathlib import Path
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.stats import ClothStatistics, statistics
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.identify.comparison import compare
-from cusick_bench.identify.data import as_data_set, require_same_folder
+from cusick_bench.identify.data import as_data_set, place_of, require_same_folder
 from cusick_bench.identify.diagnoses import Progress, diagnose_fabrics, fabric_folder
 from cusick_bench.identify.document import (
     Diagnosed,
@@ -134,7 +133,7 @@ class Identification:
         """
         protocol = self.dataset.protocol
         document = IdentifyDocument(
-            folder=self.given if self.given in REGISTRY else str(Path(self.given).resolve()),
+            folder=str(place_of(self.given)),
             data=str(self.dataset.root),
             dataset_hash=self.dataset.content_hash,
             preparation=self.preparation,

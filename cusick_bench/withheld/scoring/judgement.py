@@ -161,11 +161,12 @@ def _of_pair(answer: BaselineAnswer, label: Label) -> dict[str, float]:
 
 def _of_probabilities(answer: BaselineAnswer, label: Label) -> dict[str, float]:
     probabilities = answer.probabilities()
-    likeliest = [name for name, probability in probabilities.items() if probability == max(probabilities.values())]
+    most = max(probabilities.values())
+    likeliest = [name for name, probability in probabilities.items() if probability == most]
     return {
         "covered": float(label.truth in answer.set90),
         "set_size": float(len(answer.set90)),
-        "confidence": probabilities[likeliest[0]],
+        "confidence": most,
         "right": (label.truth in likeliest) / len(likeliest),  # a refusal holds all alike for likeliest
         "brier": brier_score(probabilities, label.truth),
         "surprise": log_score(probabilities, label.truth),
